@@ -88,8 +88,8 @@ def picture(term: Mapping[str, Any]) -> str:
     """
     if term["class"] in ("sensor", "electronics", "data"):
         body = _correction(term)
-    elif term["id"].startswith("plane_"):
-        body = _plane(bent=term["id"] == "plane_bend")
+    elif term["id"].startswith(("plane_", "line_")):
+        body = _surface(bent=term["id"].endswith("_bend"))
     elif term["class"] == "closure":
         body = _distance(term["parameters"][0]["name"])
     else:
@@ -277,8 +277,8 @@ def _joints(
     return np.vstack([base, tips])
 
 
-def _plane(bent: bool) -> str:
-    """A plane from the side, and the same bent or moved."""
+def _surface(bent: bool) -> str:
+    """A plane or a line from the side, and the same bent or moved."""
     body = '<line class="old" x1="60" y1="90" x2="285" y2="90"/>'
     path = "M60 70 Q172 120 285 70" if bent else "M60 60 L285 80"
     return f'{body}<path class="new" d="{path}"/>'

@@ -21,7 +21,12 @@ from tests.machines.arm import Job
 from tests.machines.kit import Linear, Machine, Rng
 from tests.oracle import Array
 
-ARMS = {"plane": arm.draw_plane, "bar": arm.draw_bar, "tracker": arm.draw_tracker}
+ARMS = {
+    "plane": arm.draw_plane,
+    "line": arm.draw_line,
+    "bar": arm.draw_bar,
+    "tracker": arm.draw_tracker,
+}
 """An arm whose offsets are all free, at what is unknown."""
 
 named = pytest.mark.parametrize("name", ARMS)
@@ -102,6 +107,8 @@ SHAPED: dict[str, tuple[Callable[[Job], None], dict[str, float], str]] = {
     "bent": (lambda job: job.plane("table"), {"bend@table": 0.5}, "plane_bend@tool on surface"),
     "shared": (two_planes, {"bend@table": 0.5}, "plane_bend@tool on surface"),
     "pushed": (lambda job: job.plane("table"), {"step@table": 0.5}, "plane_slip@tool on surface:"),
+    "sagging": (Job.line, {"bend@guide": 0.5}, "line_bend@tool on guide"),
+    "loosened": (Job.line, {"step@guide": 0.5}, "line_slip@tool on guide:"),
     "slipped": (Job.bar, {"moved@post": 0.5}, "point_slip@bar:"),
     "socket": (at_sockets, {"moved@socket[at=s0]": 0.5}, "point_slip@tool in socket:"),
     "knocked": (Job.tracker, {"step@tracker": 0.5}, "point_slip@tool at marker:"),

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rsicalib
 from rsicalib.io.mechanisms import read_mechanism
 from rsicalib.planning.identifiability import COMPLETE, identifiable
+from tests.machines import files
+from tests.machines.trials import MACHINES
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -34,6 +37,14 @@ def test_the_counts_do_not_depend_on_the_draw() -> None:
     path = EXAMPLES / "draw_wire.toml"
     found = {identifiable(path, COMPLETE, seed=seed).to_dict()["known"] for seed in range(3)}
     assert len(found) == 1
+
+
+@pytest.mark.parametrize("name", ["plane", "line", "tracker"])
+def test_of_an_arm_at_what_stands_anywhere_the_first_offset_is_hidden(name: str) -> None:
+    """Six offsets; with the first the whole turns, what it touches with it."""
+    document = MACHINES[name](np.random.default_rng(1)).mechanism
+    found = identifiable(rsicalib.load_mechanism(files.toml(document)), ["offset"])
+    assert (found.parameters, found.minimal, found.known) == (6, 6, 5)
 
 
 @pytest.mark.parametrize(

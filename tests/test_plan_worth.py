@@ -135,17 +135,16 @@ def test_a_target_out_of_reach_says_what_it_would_take(calibration: Any) -> None
     assert "would take" not in plan.advice[0] and "more samples of each pose" in plan.advice[0]
 
 
-@pytest.mark.parametrize("name", ["plane", "seen"])
-def test_beside_a_result_with_an_unknown_plane_or_frame_is_a_plan(
-    name: str, tmp_path: Path
-) -> None:
-    """A table whose place is not known, alone, or beside a tracker that stands anywhere."""
+@pytest.mark.parametrize("name", ["plane", "line", "seen"])
+def test_beside_a_result_with_something_unknown_is_a_plan(name: str, tmp_path: Path) -> None:
+    """A table or a guide that stands anywhere, or a table beside a tracker that does."""
     rng = np.random.default_rng(4)
     machine = MACHINES[name](rng)
     readings, mechanism = files.write(machine, machine.observe(rng), tmp_path)
     found = rsicalib.calibrate(readings, mechanism)
     unknown = {p.term for p in found.parameters} & {*_core.UNKNOWN_THINGS}
-    assert unknown == {"plane": {"unknown_plane"}, "seen": {"unknown_plane", "unknown_frame"}}[name]
+    things = {"plane": ["plane"], "line": ["line"], "seen": ["plane", "frame"]}[name]
+    assert unknown == {f"unknown_{thing}" for thing in things}
     plan = rsicalib.plan(mechanism, 2, result=found, beside=readings, candidates=200)
     assert len(plan.readings) == 2
 

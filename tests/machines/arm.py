@@ -224,6 +224,7 @@ class Job:
             "tilt2@guide": 0.0,
         }
         self.unknown("guide", self.tip.mean(axis=0))
+        del self.fitted["x@guide"]  # it runs along x, nearly: which of its points is no matter
         self.fitted |= {"tilt1@guide": 1e-5, "tilt2@guide": 1e-5}
         self.closures.append((straight("guide", self.late), [PLAY, PLAY]))
         self.effects += [

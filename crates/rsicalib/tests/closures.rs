@@ -3,13 +3,13 @@
 
 use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
 use rsicalib::estimate::{FitOptions, Implicit, Noise, Observations, Part, fit};
-use rsicalib::mechanism::{Mechanism, Target};
+use rsicalib::mechanism::{ClosureKind, Mechanism, Target};
 use rsicalib::model::{Instance, Model, Want, Workspace, parse};
 use rsicalib::numerics::linearization::Problem;
 use rsicalib::readings::{Readings, Table};
 use rsicalib::terms::{self, find};
 
-use crate::devices::{How, Rng, derivative, instances, on_plane};
+use crate::devices::{How, Rng, derivative, instances, on_surface};
 use crate::differences::{check_parameters, check_readings, evaluated};
 
 /// An arm of two joints that turn about z, at height `d`, and of one that slides along it: the tip is
@@ -36,7 +36,10 @@ plane = [
   {name = "table", unknown = ["surface"], normal = [0.1, 0.2, 1.0]},
 ]
 column = [{name = "x", unit = "m"}]
-line = [{name = "edge", at = [0.5, 0.1, -0.3], direction = [1.0, 2.0, -2.0]}]
+line = [
+  {name = "edge", at = [0.5, 0.1, -0.3], direction = [1.0, 2.0, -2.0]},
+  {name = "rail", unknown = ["surface"], direction = [0.3, 1.0, 0.2]},
+]
 frame = [
   {name = "tracker", unknown = []},
   {name = "scanner", pose = [0.1, -0.2, 0.3, 0.4, -0.5, 0.6]},
@@ -50,6 +53,7 @@ closure = [
   {name = "tip tracked", kind = "touch", between = ["tip", "tracked"]},
   {name = "tip scanned", kind = "touch", between = ["scanned", "tip"]},
   {name = "same", kind = "equal", between = ["q1", "copy"]},
+  {name = "on rail", kind = "line", between = ["tip", "rail"], noise = 1e-3},
 ]
 [[term]]
 id = "stretch"
@@ -64,6 +68,9 @@ dh = [{channel = "q1", a = 1.0}, {channel = "q2", a = 0.7}, {channel = "q3", joi
 
 const SURFACES: [&str; 2] = ["floor", "wall"];
 
+/// Of the rail at each of them: two tilts, two offsets.
+const RAILS: [[f64; 4]; 2] = [[0.2, -0.4, 0.3, -0.1], [-0.6, 0.1, -0.2, 0.5]];
+
 /// Readings of the arm anywhere: nothing closes.
 fn anywhere(mechanism: &Mechanism, rows: usize) -> Readings {
     let mut rng = Rng::new(5);
@@ -74,14 +81,17 @@ fn anywhere(mechanism: &Mechanism, rows: usize) -> Readings {
     Readings::new(mechanism, table).expect("readings")
 }
 
-/// What is unknown of the arm: the post, two tables, and the tracker.
+/// What is unknown of the arm: the post, two tables, two rails, and the tracker.
 fn unknowns(model: &Model) -> Vec<f64> {
     let names: Vec<_> = model.unknowns.iter().map(|u| u.name.as_str()).collect();
-    assert_eq!(names, ["post", "table[surface=floor]", "table[surface=wall]", "tracker"]);
+    let keyed = |name: &str| SURFACES.map(|surface| format!("{name}[surface={surface}]"));
+    let [tables, rails] = [keyed("table"), keyed("rail")];
+    assert_eq!(names, ["post", &tables[0], &tables[1], &rails[0], &rails[1], "tracker"]);
     let mut beta = model.nominal();
-    let own = [0.4, 0.8, 0.2, -0.1, 0.3, -0.3, 0.15, -0.2, 0.3, 0.1, -0.4, 0.5, -0.7, 1.1];
+    let own = [0.4, 0.8, 0.2, -0.1, 0.3, -0.3, 0.15, -0.2];
+    let tracker = [0.3, 0.1, -0.4, 0.5, -0.7, 1.1];
     let first = model.term_parameters;
-    beta[first..].copy_from_slice(&own);
+    beta[first..].copy_from_slice(&[&own[..], &RAILS[0], &RAILS[1], &tracker].concat());
     beta
 }
 
@@ -91,12 +101,19 @@ fn turned(rpy: [f64; 3]) -> Rotation3<f64> {
         * Rotation3::from_axis_angle(&Vector3::x_axis(), rpy[0])
 }
 
-/// The misclosure of one row, equation by equation.
-fn plain(readings: &Readings, row: usize) -> Vec<f64> {
+/// Coordinates of the joints of one row, and the place of the tip.
+fn tip_of(readings: &Readings, row: usize) -> ([f64; 3], Vector3<f64>) {
     let a = readings.row(row);
     let q = [a[0] + 0.1, 0.9 * a[1], 1.1 * a[2] + 0.2];
     let both = q[0] + q[1];
     let tip = Vector3::new(q[0].cos() + 0.7 * both.cos(), q[0].sin() + 0.7 * both.sin(), q[2]);
+    (q, tip)
+}
+
+/// The misclosure of one row, equation by equation.
+fn plain(readings: &Readings, row: usize) -> Vec<f64> {
+    let a = readings.row(row);
+    let (q, tip) = tip_of(readings, row);
     let mut f = vec![(3.0 * tip.y + 4.0 * tip.z - 2.0) / 5.0];
     // The table leans from its normal towards the next axes of the base, made orthogonal.
     let n = Vector3::new(0.1, 0.2, 1.0).normalize();
@@ -118,6 +135,16 @@ fn plain(readings: &Readings, row: usize) -> Vec<f64> {
     let scanned = turned([0.4, -0.5, 0.6]) * seen + Vector3::new(0.1, -0.2, 0.3);
     f.extend((scanned - tip).iter());
     f.push(q[0] - (a[4] - 0.2));
+    // The rail leans from its direction as the table from its normal; its foot is two offsets from the
+    // origin, along what is left of the first of the axes across it, and across both.
+    let [t1, t2, offset1, offset2] = RAILS[row % 3 % 2];
+    let n = Vector3::new(0.3, 1.0, 0.2).normalize();
+    let one = (Vector3::z() - n * n.z).normalize();
+    let along = (n + one * t1 + n.cross(&one) * t2).normalize();
+    let u = (one - along * along.dot(&one)).normalize();
+    let v = along.cross(&u);
+    let off = tip - (u * offset1 + v * offset2) - along * 7.0;
+    f.extend([off.dot(&u), off.dot(&v)]);
     f
 }
 
@@ -147,10 +174,19 @@ fn every_kind_agrees_with_plain_products() {
 fn derivatives_of_every_kind_agree_with_differences() {
     let mechanism = Mechanism::from_toml(ARM).expect("the arm");
     let readings = anywhere(&mechanism, 21);
-    let terms = ["offset", "gain", "curvature", "link_length", "distance", "plane_bend", "stretch"];
+    let terms = [
+        "offset",
+        "gain",
+        "curvature",
+        "link_length",
+        "distance",
+        "plane_bend",
+        "line_bend",
+        "stretch",
+    ];
     let specs = terms.map(String::from);
     let mut all = parse(&mechanism, &readings, &specs).expect("terms");
-    for once in ["distance_slip", "plane_slip", "point_slip"] {
+    for once in ["distance_slip", "plane_slip", "line_slip", "point_slip"] {
         all.extend(instances(find(once).expect("a term"), &mechanism, &readings));
     }
     let model = Model::new(&mechanism, &readings, all).expect("a model");
@@ -204,6 +240,41 @@ fn a_point_that_moved_once_is_elsewhere_from_its_pose_on() {
 }
 
 #[test]
+fn a_rail_that_sags_or_was_pushed_is_elsewhere_along_itself() {
+    let mechanism = Mechanism::from_toml(ARM).expect("the arm");
+    let readings = anywhere(&mechanism, 21);
+    let closure = mechanism.closures.iter().position(|c| c.name == "on rail").expect("a closure");
+    let along = Vector3::new(0.3, 1.0, 0.2).normalize();
+    let reached: Vec<f64> =
+        (0..readings.samples).map(|row| tip_of(&readings, row).1.dot(&along)).collect();
+    // From the middle of all places of a rail to half their extent.
+    let place = |row: usize| {
+        let own = (0..readings.samples).filter(|other| other % 3 % 2 == row % 3 % 2);
+        let (low, high) = own.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), other| {
+            (low.min(reached[other]), high.max(reached[other]))
+        });
+        (2.0 * reached[row] - low - high) / (high - low)
+    };
+    let changed = |id: &str, values: &[f64]| {
+        let term = find(id).expect("the term");
+        change(Instance { term, target: Target::Closure(closure), place: 9 }, &mechanism, values)
+    };
+    let (bent, pushed) =
+        (changed("line_bend", &[0.1, -0.2]), changed("line_slip", &[0.1, -0.2, 0.3, 0.4]));
+    for row in 0..readings.samples {
+        let u = place(row);
+        let sag = [-0.1 * u * u, 0.2 * u * u];
+        let push = [-0.1 - 0.3 * u, 0.2 - 0.4 * u].map(|by| if row < 9 { 0.0 } else { by });
+        for (all, expected) in [(&bent[row], sag), (&pushed[row], push)] {
+            let (others, own) = all.split_at(all.len() - 2);
+            assert!(others.iter().all(|by| *by == 0.0), "{row}: {others:?}");
+            let near = own.iter().zip(expected).all(|(own, by)| (own - by).abs() < 1e-13);
+            assert!(near, "{row}: {own:?} for {expected:?}");
+        }
+    }
+}
+
+#[test]
 fn a_law_of_a_length_a_column_and_a_channel_is_what_its_formula_says() {
     let mechanism = Mechanism::from_toml(ARM).expect("the arm");
     let readings = anywhere(&mechanism, 21);
@@ -233,12 +304,16 @@ fn a_name_that_is_no_column_and_no_channel_is_refused_with_its_place() {
 }
 
 #[test]
-fn terms_of_a_known_plane_agree_with_differences() {
-    let device = on_plane(How::Held, 6);
-    let readings = device.readings();
-    let (all, values) = device.terms(&readings, &["offset", "plane_bend", "plane_slip"], 4);
-    let (model, beta) = device.model(&readings, &all, &values);
-    check_parameters(&model, &readings, &beta, 0..model.parameters);
+fn terms_of_a_known_plane_and_line_agree_with_differences() {
+    for kind in [ClosureKind::Plane, ClosureKind::Line] {
+        let device = on_surface(kind, How::Held, 6);
+        let readings = device.readings();
+        let word = if kind == ClosureKind::Plane { "plane" } else { "line" };
+        let terms = [format!("{word}_bend"), format!("{word}_slip")];
+        let (all, values) = device.terms(&readings, &["offset", &terms[0], &terms[1]], 4);
+        let (model, beta) = device.model(&readings, &all, &values);
+        check_parameters(&model, &readings, &beta, 0..model.parameters);
+    }
 }
 
 // --- what is unknown in one pose alone -------------------------------------

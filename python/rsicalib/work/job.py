@@ -116,9 +116,9 @@ class Work:
         return sum(r.n_poses for r in self.readings)
 
     def has_unknown(self) -> bool:
-        """Whether points, planes or frames are unknown: with no term these are determined alone."""
+        """Whether something stands unknown: with no term this is determined alone."""
         whole = self.mechanism.to_dict()
-        things = [t for kind in ("point", "plane", "frame") for t in whole.get(kind) or ()]
+        things = [t for kind in ("point", "plane", "line", "frame") for t in whole.get(kind) or ()]
         return any(thing.get("unknown") is not None for thing in things)
 
     def terms(self, terms: Sequence[str] | None) -> list[str] | None:

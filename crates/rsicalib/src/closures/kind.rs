@@ -1,6 +1,6 @@
 //! What a kind of closure is.
 
-use crate::numerics::lanes::{Lanes, Vec3};
+use crate::numerics::lanes::{Lanes, Vec3, dot};
 
 /// A closure at eight samples.
 #[derive(Debug, Clone, Copy)]
@@ -9,8 +9,8 @@ pub struct At<'a> {
     pub apart: Vec3,
     /// The value, with what terms add to it, in length units.
     pub value: Lanes,
-    /// How the value changes as the first end moves: the shape of a surface.
-    pub shape: Option<Vec3>,
+    /// How what is counted from changes in each equation as the first end moves: the shape of a surface.
+    pub shape: Option<[Vec3; 2]>,
     /// True for a value that a channel reads.
     pub measured: bool,
     /// Directions along which the equations count; none: the three axes of the base.
@@ -65,6 +65,14 @@ impl At<'_> {
                 vector[0] * all[row][0] + vector[1] * all[row][1] + vector[2] * all[row][2]
             }
         }
+    }
+
+    /// The same of the way that a point moves, from a surface with a shape.
+    #[inline(always)]
+    #[must_use]
+    pub fn from_surface(&self, row: usize, moved: &Vec3) -> Lanes {
+        let across = self.along(row, moved);
+        self.shape.map_or(across, |shape| across - dot(&shape[row], moved))
     }
 }
 

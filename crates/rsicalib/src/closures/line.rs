@@ -1,6 +1,7 @@
 //! [`Line`].
 
-use crate::closures::kind::{Given, Kind, Part};
+use crate::closures::kind::{At, Given, Kind, Part};
+use crate::numerics::lanes::{Lanes, Vec3};
 
 /// A point is on a line through `o`, across which are `u` and `v`.
 ///
@@ -25,5 +26,10 @@ impl Kind for Line {
 
     fn words(&self) -> &'static str {
         "a point is on a line"
+    }
+
+    #[inline(always)]
+    fn by_end(at: &At, row: usize, moved: &Vec3, sign: f64) -> Lanes {
+        at.from_surface(row, moved) * sign
     }
 }

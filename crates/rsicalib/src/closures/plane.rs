@@ -1,7 +1,7 @@
 //! [`Plane`].
 
 use crate::closures::kind::{At, Given, Kind, Part};
-use crate::numerics::lanes::{Lanes, Vec3, dot};
+use crate::numerics::lanes::{Lanes, Vec3};
 
 /// A point is on a plane with unit normal `n`.
 ///
@@ -35,8 +35,7 @@ impl Kind for Plane {
 
     #[inline(always)]
     fn by_end(at: &At, row: usize, moved: &Vec3, sign: f64) -> Lanes {
-        let across = at.along(row, moved);
-        at.shape.map_or(across, |shape| across - dot(&shape, moved)) * sign
+        at.from_surface(row, moved) * sign
     }
 
     #[inline(always)]

@@ -508,6 +508,9 @@ fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
     Ok(Mechanism {
         points,
         closures,
+        planes: Vec::new(),
+        lines: Vec::new(),
+        frames: Vec::new(),
         platform: std::collections::BTreeMap::new(),
         rest: None,
         workspace: None,

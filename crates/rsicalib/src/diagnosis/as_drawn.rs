@@ -25,7 +25,7 @@ use crate::terms::term::Role;
 /// printers on a bed 12 were told three effects each, where offsets of carriages were left out here.
 #[must_use]
 pub(crate) fn without_offsets(mechanism: &Mechanism, base: &[Instance]) -> Option<Vec<Instance>> {
-    let on_surface = (0..mechanism.closures.len()).any(|k| mechanism.is_on_plane(k));
+    let on_surface = mechanism.touches_surfaces();
     let turns = |i: &Instance| mechanism.channels_at(i.target).iter().any(|c| mechanism.turns(*c));
     let kept = base.iter().copied().filter(|i| i.term.role() != Role::Offset || !turns(i));
     let kept: Vec<_> = kept.collect();

@@ -62,8 +62,14 @@ impl Mechanism {
         }
         for line in &self.lines {
             let place = || format!("line {}", quoted(&line.name));
-            finite(line.at.iter(), place)?;
-            direction(place(), &line.direction)?;
+            finite(line.at.iter().flatten(), place)?;
+            if let Some(along) = &line.direction {
+                direction(place(), along)?;
+            }
+            if line.unknown.is_none() && (line.at.is_none() || line.direction.is_none()) {
+                let expected = "`at` and `direction`, or `unknown = [columns]`";
+                return Err(refuse(place(), "no place".into(), expected.into()));
+            }
         }
         for frame in &self.frames {
             let place = || format!("frame {}", quoted(&frame.name));

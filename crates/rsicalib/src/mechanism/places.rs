@@ -23,18 +23,26 @@ pub struct Plane {
     pub unknown: Option<Vec<String>>,
 }
 
-/// A straight line that points touch.
+/// A straight line that points touch: known by `at` and `direction`, or `unknown`.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
 pub struct Line {
     /// Name of the line, for closures.
     pub name: String,
-    /// A point of the line, in base coordinates, in length units.
-    pub at: [f64; 3],
-    /// Direction of the line, in base coordinates; any length but zero.
-    pub direction: [f64; 3],
+    /// A point of the line, in base coordinates, in length units. Of an unknown line where it is looked
+    /// for in rows that do not tell.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub at: Option<[f64; 3]>,
+    /// Direction of the line, in base coordinates; any length but zero. Of an unknown line the direction
+    /// from which its tilts are counted; the nearest axis of the base where it is left out.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub direction: Option<[f64; 3]>,
+    /// Key columns of the readings: each distinct combination of their values is one unknown line;
+    /// `[]` is one line for all rows.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub unknown: Option<Vec<String>>,
 }
 
 /// A frame in which another instrument measures points.
@@ -97,11 +105,22 @@ impl Frame {
 }
 
 impl Line {
-    /// Two unit vectors across the line and each other.
+    /// Columns that tell its unknown places apart; none for one place in all rows.
     #[must_use]
-    pub fn across(&self) -> [[f64; 3]; 2] {
-        let [_, u, v] = around(self.direction);
-        [u, v]
+    pub fn keys(&self) -> &[String] {
+        keys(self.unknown.as_ref())
+    }
+
+    /// Two unit vectors across the line and each other, as drawn; none where no direction is.
+    #[must_use]
+    pub fn across(&self) -> Option<[[f64; 3]; 2]> {
+        let [_, u, v] = around(self.direction?);
+        Some([u, v])
+    }
+
+    /// A point of a known line; of an unknown one the origin of the base, from which it is counted.
+    pub(crate) fn counts_from(&self) -> [f64; 3] {
+        self.at.filter(|_| self.unknown.is_none()).unwrap_or_default()
     }
 }
 

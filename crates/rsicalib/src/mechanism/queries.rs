@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::closures::kind::{Given, Part};
 use crate::mechanism::drawing::{Channel, Closure, Mechanism, Motion, Point, Value};
-use crate::mechanism::places::{Frame, Plane};
+use crate::mechanism::places::{Frame, Line, Plane};
 
 impl Mechanism {
     /// Index of a channel.
@@ -111,13 +111,14 @@ impl Mechanism {
         self.points.iter().enumerate().find_map(|(i, p)| Some((i, inside(p)?)))
     }
 
-    /// Key columns of the readings, which tell the unknown points apart, in the order of the points.
+    /// Key columns of the readings, which tell unknown things apart, in the order of the things.
     #[must_use]
     pub fn key_columns(&self) -> Vec<String> {
         let points = self.points.iter().flat_map(Point::keys);
         let planes = self.planes.iter().flat_map(Plane::keys);
+        let lines = self.lines.iter().flat_map(Line::keys);
         let frames = self.frames.iter().flat_map(Frame::keys);
-        each_once(points.chain(planes).chain(frames))
+        each_once(points.chain(planes).chain(lines).chain(frames))
     }
 
     /// Columns of the readings which hold measured distances, in the order of the closures.
@@ -178,8 +179,12 @@ impl Mechanism {
                 let mut planes = self.planes.iter();
                 planes.any(|p| p.name == closure.between[1] && p.unknown.is_none())
             }
+            Part::Line => {
+                let mut lines = self.lines.iter();
+                lines.any(|l| l.name == closure.between[1] && l.unknown.is_none())
+            }
             Part::Channel => false,
-            Part::Point | Part::Line => closure.channel.is_none(),
+            Part::Point => closure.channel.is_none(),
         }
     }
 
@@ -209,6 +214,16 @@ impl Mechanism {
     /// True for a point on a plane.
     pub(crate) fn is_on_plane(&self, closure: usize) -> bool {
         self.closures[closure].kind.facts().between()[1] == Part::Plane
+    }
+
+    /// True for a point on a line.
+    pub(crate) fn is_on_line(&self, closure: usize) -> bool {
+        self.closures[closure].kind.facts().between()[1] == Part::Line
+    }
+
+    /// True where a point is on a plane or a line.
+    pub(crate) fn touches_surfaces(&self) -> bool {
+        (0..self.closures.len()).any(|k| self.is_on_plane(k) || self.is_on_line(k))
     }
 
     /// True for a channel of a joint.

@@ -8,7 +8,7 @@ use crate::mechanism::target::Target;
 
 impl Mechanism {
     /// What a closure is between that is unknown and stands, with the columns that tell its places
-    /// apart: planes, points, and frames of measured points. None have no columns here.
+    /// apart: planes, lines, points, and frames of measured points. None have no columns here.
     pub(crate) fn keyed_things(&self, closure: usize) -> Vec<(&str, &[String])> {
         let Some(closure) = self.closures.get(closure) else { return Vec::new() };
         let parts = closure.kind.facts().between();
@@ -25,7 +25,11 @@ impl Mechanism {
                 let plane = self.planes.iter().find(|p| p.name == *name)?;
                 Some((plane.name.as_str(), plane.keys()))
             }
-            Part::Line | Part::Channel => None,
+            Part::Line => {
+                let line = self.lines.iter().find(|l| l.name == *name)?;
+                Some((line.name.as_str(), line.keys()))
+            }
+            Part::Channel => None,
         };
         let things = parts.iter().zip(&closure.between).filter_map(thing);
         things.filter(|(_, keys)| !keys.is_empty()).collect()

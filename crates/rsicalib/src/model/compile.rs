@@ -3,7 +3,6 @@
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::Error;
-use crate::closures::kind::Part;
 use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
 use crate::mechanism::{Closure, Mechanism, Target, Value, Variable};
 use crate::model::compiled::{
@@ -13,8 +12,9 @@ use crate::model::drives::Drives;
 use crate::model::ends::{self, MovedEnd, Only};
 use crate::model::instance::{Instance, bound_to_session};
 use crate::model::law_at::LawAt;
-use crate::model::numbering::{Owned, Thing, Unknown, number_unknowns};
+use crate::model::numbering::{Owned, Unknown, number_unknowns};
 use crate::model::specification::check_names;
+use crate::model::thing::Thing;
 use crate::numerics::lanes::Lanes;
 use crate::readings::Readings;
 use crate::terms::targets::provided;
@@ -247,7 +247,7 @@ impl Model {
         model.compile_terms(readings);
         model.compile_chains()?;
         model.compile_closures(readings)?;
-        model.face_planes(readings);
+        model.face_undrawn(readings);
         model.leave_out_loose_coordinates(readings);
         model.find_patches(readings);
         let hangs = |law: &LawAt| law.term.has(Variable::Torque);
@@ -425,7 +425,7 @@ impl Model {
                 continue; // no sample takes part: see `links`
             }
             let ends = ends::ends(&self.mechanism, closure, &self.owned)?;
-            let (plane, along, offset) = self.surface(closure);
+            let (on, along, offset) = self.surface(closure);
             let (value, column) = match &closure.value {
                 Some(Value::Known(value)) => (*value, None),
                 Some(Value::Column(name)) => {
@@ -456,7 +456,7 @@ impl Model {
                 equation,
                 along,
                 channel,
-                plane,
+                on,
                 noise,
                 patches: Vec::new(),
             });
@@ -497,7 +497,7 @@ impl Model {
         }
     }
 
-    /// Shapes that terms give the plane of a closure of the mechanism.
+    /// Shapes that terms give the plane or the line of a closure of the mechanism.
     fn shapes_of(&self, closure: usize) -> Vec<ShapeAt> {
         let instances = self.instances.iter().zip(&self.first).enumerate();
         let shape = |(number, (instance, &first)): (usize, (&Instance, &usize))| {
@@ -539,26 +539,24 @@ impl Model {
         self.number_equations();
     }
 
-    /// The unknown plane of a closure, or the directions across what its point is on, and the offset
-    /// of a known plane.
+    /// The unknown plane or line of a closure, or the directions across what its point is on, and the
+    /// offset of a known plane.
     fn surface(&self, closure: &Closure) -> (Option<usize>, Option<Vec<[f64; 3]>>, f64) {
-        let mechanism = &self.mechanism;
-        let name = &closure.between[1];
-        match closure.kind.facts().between()[1] {
-            Part::Plane => {
-                let index = mechanism.planes.iter().position(|p| p.name == *name);
-                let unknown = |o: &Owned| index.is_some_and(|i| o.thing == Thing::Plane(i));
-                if let Some(number) = self.owned.iter().position(unknown) {
-                    return (Some(number), None, 0.0);
-                }
-                let known = index.and_then(|i| mechanism.planes[i].known());
+        let touched = Thing::touched(&self.mechanism, closure);
+        let unknown = |o: &Owned| Some(o.thing) == touched;
+        if let Some(number) = self.owned.iter().position(unknown) {
+            return (Some(number), None, 0.0);
+        }
+        match touched {
+            Some(Thing::Plane(p)) => {
+                let known = self.mechanism.planes[p].known();
                 known.map_or((None, None, 0.0), |(n, offset)| (None, Some(vec![n]), offset))
             }
-            Part::Line => {
-                let line = mechanism.lines.iter().find(|l| l.name == *name);
-                (None, line.map(|line| line.across().to_vec()), 0.0)
+            Some(Thing::Line(l)) => {
+                let across = self.mechanism.lines[l].across();
+                (None, across.map(|across| across.to_vec()), 0.0)
             }
-            Part::Point | Part::Channel => (None, None, 0.0),
+            _ => (None, None, 0.0),
         }
     }
 

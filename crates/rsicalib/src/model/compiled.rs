@@ -23,7 +23,7 @@ pub(crate) struct Added {
     pub(crate) gate: Option<usize>,
 }
 
-/// The shape of a plane, by one term.
+/// The shape of a plane or a line, by one term.
 #[derive(Clone, Copy)]
 pub(crate) struct ShapeAt {
     pub(crate) term: &'static dyn Surface,
@@ -35,7 +35,7 @@ pub(crate) struct ShapeAt {
     pub(crate) only: Option<Only>,
 }
 
-/// Where a plane is touched: its axes, and middle and half extent along each of them.
+/// Where a plane or a line is touched: axes along it, and middle and half extent along each of them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Patch {
     pub(crate) axes: [[f64; 3]; 2],
@@ -58,13 +58,13 @@ pub(crate) struct CompiledClosure {
     pub(crate) from: f64,
     /// The channel that reads the value.
     pub(crate) channel: Option<usize>,
-    /// Number of the unknown plane of its equation, among what is unknown.
-    pub(crate) plane: Option<usize>,
+    /// Number of the unknown plane or line that its point is on, among what is unknown.
+    pub(crate) on: Option<usize>,
     /// What terms add to the value.
     pub(crate) added: Vec<Added>,
     /// Ends that terms move.
     pub(crate) moved: Vec<MovedEnd>,
-    /// Shapes of its plane.
+    /// Shapes of its plane or line.
     pub(crate) shapes: Vec<ShapeAt>,
     /// Coordinates of the laws of this closure.
     pub(crate) laws: Vec<usize>,
@@ -76,7 +76,7 @@ pub(crate) struct CompiledClosure {
     pub(crate) along: Option<Vec<[f64; 3]>>,
     /// Play, in length units.
     pub(crate) noise: f64,
-    /// Where its plane is touched in the samples of each group; empty where no term asks for it.
+    /// Where its plane or line is touched in the samples of each group; empty where no term asks for it.
     pub(crate) patches: Vec<Patch>,
 }
 
@@ -93,7 +93,7 @@ impl CompiledClosure {
             End::Unknown(number, ..) | End::Seen(_, Measured::Unknown(number)) => Some(*number),
             _ => None,
         });
-        ends.chain(self.plane)
+        ends.chain(self.on)
     }
 
     /// True for coordinates that are equal, whatever their unit.
@@ -203,13 +203,13 @@ pub struct Model {
     pub parameters: usize,
     /// Constants of each channel.
     pub scales: Vec<Scale>,
-    /// Unknown points, planes and frames among the columns of `X`.
+    /// Unknown points, planes, lines and frames among the columns of `X`.
     pub(crate) owned: Vec<Owned>,
     /// For each combination of keys, the parameters of its samples.
     pub(super) columns: Vec<Vec<usize>>,
     /// What is unknown and no term, one per combination of keys.
     pub unknowns: Vec<Unknown>,
-    /// For each of them, the axes from which the normal of a plane leans.
+    /// For each of them, the axes from which a plane or a line leans.
     pub(crate) axes: Vec<[[f64; 3]; 3]>,
     /// Points that are somewhere else in each pose.
     pub(crate) posed: Vec<Posed>,
@@ -414,7 +414,7 @@ impl Model {
                 let first = self.unknown_column(number);
                 first..first + self.owned[number].width
             };
-            columns.extend(closure.plane.into_iter().flat_map(own));
+            columns.extend(closure.on.into_iter().flat_map(own));
             if let Some(channel) = closure.channel {
                 self.columns_of_channels(&[channel], None, &mut columns);
             }
@@ -543,7 +543,7 @@ impl Model {
         let kind = |closure: &CompiledClosure| {
             let ends = [end(&closure.ends[0]), end(&closure.ends[1])];
             // Two chains that touch are one mechanism, with a joint there.
-            let set_up = ends.contains(&2) || closure.plane.is_some();
+            let set_up = ends.contains(&2) || closure.on.is_some();
             let rigid = closure.kind.has_value() && !set_up;
             let rigid = rigid || ends == [0, 0] || self.pose_unknowns > 0;
             let open = !rigid && closure.noise == 0.0;

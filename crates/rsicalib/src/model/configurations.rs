@@ -17,9 +17,10 @@ use crate::Error;
 use crate::mechanism::Mechanism;
 use crate::model::compiled::{CompiledClosure, Model};
 use crate::model::ends::End;
-use crate::model::numbering::{Thing, Unknown};
+use crate::model::numbering::Unknown;
 use crate::model::prior::Prior;
 use crate::model::scattered::scatter;
+use crate::model::thing::Thing;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::Lanes;
 use crate::numerics::random::Random;
@@ -127,6 +128,10 @@ impl Configurations {
         let mut free = mechanism.clone();
         for channel in &mut free.channels {
             (channel.range, channel.limits) = (None, None);
+        }
+        // Leans of lines count from one axis, wherever these configurations are.
+        for line in &mut free.lines {
+            line.direction.get_or_insert([0.0, 0.0, 1.0]);
         }
         let limits: Vec<[f64; 2]> =
             (0..free.channels.len()).map(|c| limits(mechanism, c, longest, reach)).collect();

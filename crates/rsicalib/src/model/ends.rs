@@ -6,7 +6,8 @@ use crate::Error;
 use crate::closures::kind::Part;
 use crate::kinematics::elements::Source;
 use crate::mechanism::{Closure, Mechanism};
-use crate::model::numbering::{Owned, Thing};
+use crate::model::numbering::Owned;
+use crate::model::thing::Thing;
 use crate::numerics::lanes::{Lanes, Vec3};
 
 /// The frame of a measured point.
@@ -106,7 +107,7 @@ pub(crate) fn ends(
     let end = |part: Part, name: &str| match part {
         Part::Point => point(mechanism, name, owned),
         Part::Plane => Ok(End::Fixed([0.0; 3])),
-        Part::Line => Ok(End::Fixed(mechanism.lines[mechanism.line_index(name)?].at)),
+        Part::Line => Ok(End::Fixed(mechanism.lines[mechanism.line_index(name)?].counts_from())),
         Part::Channel => Ok(End::Coordinate(mechanism.channel_index(name)?)),
     };
     Ok([end(one, &closure.between[0])?, end(other, &closure.between[1])?])
@@ -173,32 +174,6 @@ pub(crate) fn rotate(rotation: &[f64; 9], vector: &Vec3) -> Vec3 {
     for (i, out) in out.iter_mut().enumerate() {
         let [a, b, c] = [rotation[3 * i], rotation[3 * i + 1], rotation[3 * i + 2]];
         *out = vector[0] * a + vector[1] * b + vector[2] * c;
-    }
-    out
-}
-
-/// A unit normal that leans from the first axis of a frame by two tilts, and its derivatives by them.
-///
-/// ```text
-/// m = e₁ + τ₁ e₂ + τ₂ e₃,   n = m / |m|,   ∂n/∂τ = (e - n (n · e)) / |m|          (48)
-/// ```
-#[inline(always)]
-pub(crate) fn leaning(axes: &[[f64; 3]; 3], tilts: [f64; 2]) -> [[f64; 3]; 3] {
-    let [e1, e2, e3] = axes;
-    let mut m = [0.0; 3];
-    let mut square = 0.0;
-    for i in 0..3 {
-        m[i] = e1[i] + tilts[0] * e2[i] + tilts[1] * e3[i];
-        square += m[i] * m[i];
-    }
-    let by = 1.0 / square.sqrt();
-    let n = [m[0] * by, m[1] * by, m[2] * by];
-    let mut out = [n, [0.0; 3], [0.0; 3]];
-    for (k, e) in [(1, e2), (2, e3)] {
-        let along = n[0] * e[0] + n[1] * e[1] + n[2] * e[2];
-        for i in 0..3 {
-            out[k][i] = (e[i] - n[i] * along) * by;
-        }
     }
     out
 }

@@ -25,7 +25,8 @@ use crate::kinematics::posture::Posture;
 use crate::mechanism::MOST_PARAMETERS;
 use crate::model::compiled::{CompiledClosure, Model, Patch};
 use crate::model::drives::Drives;
-use crate::model::ends::{End, Measured, leaning, rotate, seen_from, turn_axes, turned};
+use crate::model::ends::{End, Measured, rotate, seen_from, turn_axes, turned};
+use crate::model::lean::Lean;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
 use crate::readings::Readings;
@@ -379,34 +380,45 @@ impl Model {
             }
             closure.laws.iter().for_each(|&to| distance += ws.angles[to]);
             closure.channel.iter().for_each(|&channel| distance += ws.angles[channel]);
-            let mut normal = [[0.0; 3]; 3];
+            let mut lean = Lean::default();
             let mut along = closure.along.as_deref();
-            if let Some(plane) = closure.plane {
-                let (number, first) =
-                    (self.owned[plane].numbers[group], self.unknown_first(plane, group));
-                normal = leaning(&self.axes[number], [beta[first], beta[first + 1]]);
-                distance += Lanes::splat(beta[first + 2]);
-                along = Some(&normal[..1]);
+            // What the equations of a surface count from, beside the value.
+            let mut from = [Lanes::ZERO; 2];
+            if let Some(on) = closure.on {
+                let (thing, first) = (&self.owned[on], self.unknown_first(on, group));
+                let axes = &self.axes[thing.numbers[group]];
+                lean = thing.thing.leans(axes, [beta[first], beta[first + 1]]);
+                for (row, from) in from.iter_mut().enumerate().take(lean.rows) {
+                    *from = Lanes::splat(beta[first + 2 + row]);
+                }
+                along = Some(&lean.along[..lean.rows]);
             }
             let mut shape = None;
             let mut place = [Lanes::ZERO; 2];
             if let Some(patch) = closure.patches.get(group) {
                 place = patch.place(&apart);
-                let mut slopes = [Lanes::ZERO; 2];
-                for term in closure.shapes.iter().filter(|s| self.touches(s.only, group)) {
-                    let p = &beta[term.first..term.first + term.width];
-                    let acts = term.gate.map_or(Lanes::ONE, |g| ws.gates[g]);
-                    distance += term.term.correction(p, place) * acts;
-                    let by = term.term.slopes(p, place);
-                    slopes[0] += by[0] * acts;
-                    slopes[1] += by[1] * acts;
+                let mut steep = [[Lanes::ZERO; 3]; 2];
+                for row in 0..closure.equations() {
+                    let mut slopes = [Lanes::ZERO; 2];
+                    for term in closure.shapes.iter().filter(|s| self.touches(s.only, group)) {
+                        let p = &beta[term.first..term.first + term.width];
+                        let acts = term.gate.map_or(Lanes::ONE, |g| ws.gates[g]);
+                        from[row] += term.term.correction(p, place, row) * acts;
+                        let by = term.term.slopes(p, place, row);
+                        slopes[0] += by[0] * acts;
+                        slopes[1] += by[1] * acts;
+                    }
+                    steep[row] = patch.slope(slopes);
                 }
-                shape = Some(patch.slope(slopes));
+                shape = Some(steep);
             }
             let measured = closure.is_measured();
             let at = At { apart, value: distance, shape, measured, along };
             for row in 0..closure.equations() {
                 ws.f[closure.equation + row] = closure.kind.misclosure(&at, row);
+            }
+            for (row, from) in from.iter().enumerate().take(closure.equations()) {
+                ws.f[closure.equation + row] -= *from;
             }
             let holds = readings.holding.of_block(block, closure.number);
             if let Some(holds) = holds {
@@ -417,24 +429,30 @@ impl Model {
                 continue;
             }
             let bare = closure.added.is_empty() && closure.laws.is_empty();
-            if !(bare && closure.channel.is_none() && closure.plane.is_none()) {
+            if !(bare && closure.channel.is_none()) {
                 self.add_value_columns(closure, &at, want, ws);
             }
             let here = |only| want.x && self.touches(only, group);
             for term in closure.shapes.iter().filter(|s| here(s.only)) {
-                let mut out = [Lanes::ZERO; MOST_PARAMETERS];
-                term.term.partials(place, &mut out[..term.width]);
                 let acts = term.gate.map_or(Lanes::ONE, |g| ws.gates[g]);
-                let slope = closure.kind.by_value(&at, 0) * acts;
-                for (k, partial) in out[..term.width].iter().enumerate() {
-                    ws.x[closure.equation * width + term.first + k] += *partial * slope;
+                for row in 0..closure.equations() {
+                    let mut out = [Lanes::ZERO; MOST_PARAMETERS];
+                    term.term.partials(place, row, &mut out[..term.width]);
+                    let first = (closure.equation + row) * width + term.first;
+                    for (k, partial) in out[..term.width].iter().enumerate() {
+                        ws.x[first + k] -= *partial * acts;
+                    }
                 }
             }
-            if let Some(plane) = closure.plane.filter(|_| want.x) {
-                for (tilt, lean) in normal[1..].iter().enumerate() {
-                    let leaned = At { along: Some(std::slice::from_ref(lean)), ..at };
-                    let column = self.unknown_column(plane) + tilt;
-                    ws.x[closure.equation * width + column] += leaned.along(0, &apart);
+            if let Some(on) = closure.on.filter(|_| want.x) {
+                let column = self.unknown_column(on);
+                for row in 0..lean.rows {
+                    let first = (closure.equation + row) * width + column;
+                    for (tilt, by) in lean.by_tilt.iter().enumerate() {
+                        let leaned = At { along: Some(by), ..at };
+                        ws.x[first + tilt] += leaned.along(row, &apart);
+                    }
+                    ws.x[first + 2 + row] -= Lanes::ONE;
                 }
             }
             for moved in closure.moved.iter().filter(|m| here(m.only)) {
@@ -567,10 +585,6 @@ impl Model {
             }
             if let Some(channel) = closure.channel {
                 self.add_entry(closure.equation + row, Source::Channel(channel), slope, want, ws);
-            }
-            if let Some(plane) = closure.plane {
-                let offset = Source::Parameter(self.unknown_column(plane) + 2);
-                self.add_entry(closure.equation + row, offset, slope, want, ws);
             }
         }
     }

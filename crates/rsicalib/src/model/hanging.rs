@@ -88,7 +88,7 @@ impl Model {
     /// what stands elsewhere.
     fn inner_equations(&self) -> Vec<usize> {
         let inside = |end: &End| matches!(end, End::Carried(..) | End::Fixed(_));
-        let inner = |c: &&CompiledClosure| c.plane.is_none() && c.ends.iter().all(inside);
+        let inner = |c: &&CompiledClosure| c.on.is_none() && c.ends.iter().all(inside);
         let closures = self.closures.iter().filter(inner);
         closures.flat_map(|c| c.equation..c.equation + c.equations()).collect()
     }

@@ -201,7 +201,7 @@ impl Slopes {
 /// For each equation of a closure, whether it may vary while no reading does.
 fn varies_by_itself(closure: &CompiledClosure) -> Vec<bool> {
     let told = |end: &End| matches!(end, End::Unknown(..) | End::Posed(_) | End::Seen(..));
-    let unknown = closure.ends.iter().any(told) || closure.plane.is_some();
+    let unknown = closure.ends.iter().any(told) || closure.on.is_some();
     let measured = closure.column.is_some();
     vec![unknown || measured || closure.noise > 0.0; closure.equations()]
 }

@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use crate::model::compiled::Model;
-use crate::model::ends::{End, leaning};
-use crate::model::numbering::Thing;
+use crate::model::ends::End;
+use crate::model::thing::Thing;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::random::Random;
 use crate::readings::Readings;
@@ -14,7 +14,7 @@ use crate::readings::Readings;
 const ASIDE: f64 = 0.3;
 
 /// Puts each unknown point where the first of these readings touches it, or at its distance from there;
-/// each unknown plane through such a point, turned at random; and each unknown frame anywhere.
+/// each unknown plane or line through such a point, turned at random; and each unknown frame anywhere.
 ///
 /// What a drawing places in part is moved aside. `reach` is the size of the mechanism.
 pub(crate) fn scatter(
@@ -39,10 +39,9 @@ pub(crate) fn scatter(
                 let place = if away > 0.0 { at + away * direction } else { at };
                 place.as_slice().to_vec()
             }
-            Thing::Plane(_) => {
+            Thing::Plane(_) | Thing::Line(_) => {
                 let tilts = [any(1.0), any(1.0)];
-                let [normal, ..] = leaning(&model.axes[number], tilts);
-                vec![tilts[0], tilts[1], Vector3::from(normal).dot(&at)]
+                unknown.thing.through(&model.axes[number], tilts, &at)
             }
             Thing::Frame(_) => {
                 let size = |k: usize| if k < 3 { reach } else { 1.0 };
@@ -68,8 +67,8 @@ fn touched(
         model.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
         for closure in &model.closures {
             let [one, other] = &closure.ends;
-            let of = match (closure.plane, one, other) {
-                (Some(plane), ..) => Some((plane, one)),
+            let of = match (closure.on, one, other) {
+                (Some(on), ..) => Some((on, one)),
                 (_, End::Unknown(number, ..), end) | (_, end, End::Unknown(number, ..)) => {
                     Some((*number, end))
                 }

@@ -1,35 +1,40 @@
-//! How unknown planes face, and where surfaces are touched, as drawn.
+//! How unknown planes and lines face, and where surfaces are touched, as drawn.
 
 use crate::mechanism::around;
 use crate::model::compiled::{Model, Patch};
-use crate::model::numbering::Thing;
-use crate::model::unknown_points::plane_through;
+use crate::model::lean::cross;
+use crate::model::thing::Thing;
 use crate::model::workspace::{Want, Workspace};
+use crate::numerics::lanes::minus;
 use crate::readings::Readings;
+
+/// The normal of a plane that has none.
+const UP: [f64; 3] = [0.0, 0.0, 1.0];
 
 /// A surface: the closure that a known one is of, or the number of an unknown one.
 type Surface = (Option<usize>, usize);
 
 impl Model {
-    /// Lets the normals of unknown planes lean from that axis of the base that their points are most
-    /// nearly across, where no normal is drawn.
-    pub(crate) fn face_planes(&mut self, readings: &Readings) {
+    /// Lets unknown planes and lines lean from that axis of the base which is nearest to the normal or
+    /// the direction of their points, where none is drawn.
+    pub(crate) fn face_undrawn(&mut self, readings: &Readings) {
         let undrawn = |thing: Thing| thing.faces_anywhere(&self.mechanism);
         if !self.unknowns.iter().any(|unknown| undrawn(unknown.thing)) {
             return;
         }
         let beta = self.nominal();
-        for (number, points) in self.points_on_planes(readings, &beta).into_iter().enumerate() {
-            if let Some((normal, _)) = plane_through(&points)
-                && undrawn(self.unknowns[number].thing)
+        for (number, points) in self.points_on(readings, &beta).into_iter().enumerate() {
+            let thing = self.unknowns[number].thing;
+            if let Some([faces, _]) = thing.nearest(&points)
+                && undrawn(thing)
             {
-                let axis = normal.iamax();
+                let axis = faces.iamax();
                 self.axes[number] = around(std::array::from_fn(|i| f64::from(u8::from(i == axis))));
             }
         }
     }
 
-    /// Finds where each plane with a shape is touched, as drawn.
+    /// Finds where each plane or line with a shape is touched, as drawn.
     pub(crate) fn find_patches(&mut self, readings: &Readings) {
         if self.closures.iter().all(|closure| closure.shapes.is_empty()) {
             return;
@@ -37,19 +42,19 @@ impl Model {
         let mut beta = self.nominal();
         self.place_unknowns(readings, &mut beta);
         let mut ws = Workspace::default();
-        // An unknown plane is one surface for all that touch it; a known one is that of its closure.
-        let surface = |k: usize, group: usize| match self.closures[k].plane {
-            Some(plane) => (None, self.owned[plane].numbers[group]),
+        // What is unknown is one surface for all that touch it; a known one is that of its closure.
+        let surface = |k: usize, group: usize| match self.closures[k].on {
+            Some(on) => (None, self.owned[on].numbers[group]),
             None => (Some(k), 0),
         };
         let axes = |k: usize, group: usize| {
             let closure = &self.closures[k];
-            let known = closure.along.as_ref().and_then(|along| along.first().copied());
-            let [_, u, v] = match closure.plane {
-                Some(plane) => self.axes[self.owned[plane].numbers[group]],
-                None => around(known.unwrap_or([0.0, 0.0, 1.0])),
+            let [n, u, v] = match (closure.on, closure.along.as_deref()) {
+                (Some(on), _) => self.axes[self.owned[on].numbers[group]],
+                (None, Some([u, v])) => [cross(u, v), *u, *v],
+                (None, known) => around(known.and_then(|k| k.first().copied()).unwrap_or(UP)),
             };
-            [u, v]
+            if self.mechanism.is_on_line(closure.number) { [n, u] } else { [u, v] }
         };
         let mut ends: Vec<(Surface, [[f64; 2]; 2])> = Vec::new();
         for (block, meta) in readings.blocks().iter().enumerate() {
@@ -60,7 +65,9 @@ impl Model {
                     continue;
                 }
                 let seen = readings.columns(block);
-                let at = self.end_point(&closure.ends[0], meta.group, seen, &beta, &ws);
+                let [one, other] =
+                    closure.ends.map(|end| self.end_point(&end, meta.group, seen, &beta, &ws));
+                let at = minus(&one, &other);
                 let (own, axes) = (surface(k, meta.group), axes(k, meta.group));
                 let known = ends.iter().position(|(of, _)| *of == own);
                 let known = known.unwrap_or_else(|| {

@@ -1,23 +1,24 @@
 //! What is unknown: placements, known distances between unknown points, and starting positions.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use crate::closures::kind::Given;
 use crate::kinematics::rigid::rigid_fit;
 use crate::mechanism::Value;
 use crate::model::compiled::{CompiledClosure, Model};
 use crate::model::ends::{End, Measured};
-use crate::model::numbering::{Owned, Thing, Unknown};
+use crate::model::numbering::{Owned, Unknown};
 use crate::model::prior::Prior;
 use crate::model::specification::Spec;
 use crate::model::spheres::{Sphere, amid};
+use crate::model::thing::Thing;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3};
 use crate::readings::Readings;
 
 impl Model {
     /// The parameter that a coordinate of an unknown thing is, by what results call both; none where
-    /// these readings do not touch the thing, or where the axes of a plane were chosen by others.
+    /// these readings do not touch the thing, or where the axes of a plane or a line were chosen by others.
     pub(crate) fn column_called(&self, spec: &Spec, name: &str) -> Option<usize> {
         let own = |u: &&Unknown| {
             u.thing.term() == spec.term && spec.target.as_deref() == Some(u.name.as_str())
@@ -103,7 +104,7 @@ impl Model {
     }
 
     /// Sets each unknown point to the mean of the positions at which chains touch it, each unknown
-    /// plane through the points that are on it, and each unknown frame where its points are nearest
+    /// plane or line through the points that are on it, and each unknown frame where its points are nearest
     /// to those that they touch. `beta` holds one number per parameter.
     pub fn place_unknowns(&self, readings: &Readings, beta: &mut [f64]) {
         let mut touched: Vec<Vec<Vector3<f64>>> = vec![Vec::new(); self.unknowns.len()];
@@ -142,7 +143,7 @@ impl Model {
                 }
             }
         }
-        let planes = self.points_on_planes(readings, beta);
+        let on = self.points_on(readings, beta);
         for (k, unknown) in self.unknowns.iter().enumerate() {
             let own = &mut beta[self.term_parameters + unknown.first..][..unknown.width];
             match unknown.thing {
@@ -158,13 +159,15 @@ impl Model {
                         own.copy_from_slice(at.as_slice());
                     }
                 }
-                Thing::Plane(_) => {
-                    let Some((normal, offset)) = plane_through(&planes[k]) else { continue };
+                Thing::Plane(_) | Thing::Line(_) => {
+                    let Some([faces, middle]) = unknown.thing.nearest(&on[k]) else { continue };
                     let [lean, one, other] =
-                        self.axes[k].map(|axis| normal.dot(&Vector3::from(axis)));
-                    // A plane along the axis has no finite tilt.
+                        self.axes[k].map(|axis| faces.dot(&Vector3::from(axis)));
+                    // What is across the axis has no finite tilt.
                     if lean.abs() > 0.1 {
-                        own.copy_from_slice(&[one / lean, other / lean, offset * lean.signum()]);
+                        let tilts = [one / lean, other / lean];
+                        let at = unknown.thing.through(&self.axes[k], tilts, &middle);
+                        own.copy_from_slice(&at);
                     }
                 }
                 Thing::Frame(_) if pairs[k][0].len() >= 3 => {
@@ -175,25 +178,21 @@ impl Model {
         }
     }
 
-    /// For each unknown, the points that chains carry onto it, where it is a plane.
-    pub(crate) fn points_on_planes(
-        &self,
-        readings: &Readings,
-        beta: &[f64],
-    ) -> Vec<Vec<Vector3<f64>>> {
+    /// For each unknown, the points that chains carry onto it, where it is a plane or a line.
+    pub(crate) fn points_on(&self, readings: &Readings, beta: &[f64]) -> Vec<Vec<Vector3<f64>>> {
         let mut points = vec![Vec::new(); self.unknowns.len()];
         let mut ws = Workspace::default();
         for (block, meta) in readings.blocks().iter().enumerate() {
             let want = Want { x: false, a: false };
             self.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
             for closure in &self.closures {
-                let Some(plane) = closure.plane else { continue };
+                let Some(thing) = closure.on else { continue };
                 if matches!(closure.ends[0], End::Posed(_)) {
                     continue;
                 }
                 let seen = readings.columns(block);
                 let at = self.end_point(&closure.ends[0], meta.group, seen, beta, &ws);
-                let own = &mut points[self.owned[plane].numbers[meta.group]];
+                let own = &mut points[self.owned[thing].numbers[meta.group]];
                 let lanes = readings.lanes(block, closure.number);
                 own.extend(lanes.map(|lane| Vector3::from_fn(|i, _| at[i].0[lane])));
             }
@@ -269,21 +268,4 @@ impl Model {
 /// True for an end whose place is told by readings and terms alone.
 fn is_known(end: &End) -> bool {
     !matches!(end, End::Unknown(..) | End::Posed(_) | End::Seen(_, Measured::Unknown(_)))
-}
-
-/// The plane nearest to points: its unit normal, towards the positive side of the axis that it is
-/// nearest to, and its offset; none for fewer than three points.
-pub(super) fn plane_through(points: &[Vector3<f64>]) -> Option<(Vector3<f64>, f64)> {
-    if points.len() < 3 {
-        return None;
-    }
-    let mean = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
-    let square = |p: &Vector3<f64>| (p - mean) * (p - mean).transpose();
-    let squares: Matrix3<f64> = points.iter().map(square).sum();
-    let eigen = squares.symmetric_eigen();
-    let mut normal = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
-    if normal[normal.iamax()] < 0.0 {
-        normal = -normal;
-    }
-    normal.iter().all(|v| v.is_finite()).then(|| (normal, normal.dot(&mean)))
 }

@@ -7,14 +7,14 @@
 use faer::{Mat, Side};
 
 use crate::estimate::{Algebraic, Part};
-use crate::mechanism::Target;
+use crate::mechanism::{ClosureKind, Target};
 use crate::model::{self, Instance, MOST_PARAMETERS, Prior};
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm::{self, SolverOptions};
 use crate::readings::Readings;
 use crate::terms::find;
 use crate::terms::laws::devices::{
-    Device, How, Rng, hand_controller, instance, instances, on_plane, random, sizes,
+    Device, How, Rng, hand_controller, instance, instances, on_surface, random, sizes,
 };
 use crate::terms::laws::differences::{EVERY_STAGE, check_parameters, check_readings, evaluated};
 use crate::terms::targets::{provided, targets};
@@ -212,7 +212,9 @@ fn to_hold(gram: &Mat<f64>, own: &std::ops::Range<usize>) -> Vec<usize> {
 fn devices_for(term: &dyn Term) -> Vec<Device> {
     let how = if term.info().needs == Needs::Motion { How::Moving } else { How::Held };
     let mut devices = match term.acts() {
-        Acts::Surface(_) => vec![on_plane(how, 4)],
+        Acts::Surface(_) => {
+            [ClosureKind::Plane, ClosureKind::Line].map(|kind| on_surface(kind, how, 4)).to_vec()
+        }
         _ => vec![hand_controller(how, 1), random(3, how, 2)],
     };
     devices.retain(|d| {

@@ -125,6 +125,8 @@ mod joint_compliance;
 mod joint_sag;
 mod joint_tilt;
 mod lag;
+mod line_bend;
+mod line_slip;
 mod link_frame;
 mod link_length;
 mod link_offset;
@@ -189,5 +191,7 @@ registry! {
     distance_slip::DistanceSlip,
     plane_bend::PlaneBend,
     plane_slip::PlaneSlip,
+    line_bend::LineBend,
+    line_slip::LineSlip,
     point_slip::PointSlip,
 }

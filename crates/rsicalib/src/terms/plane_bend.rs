@@ -32,15 +32,15 @@ impl Term for PlaneBend {
 }
 
 impl Surface for PlaneBend {
-    fn correction(&self, p: &[f64], [u, v]: [Lanes; 2]) -> Lanes {
+    fn correction(&self, p: &[f64], [u, v]: [Lanes; 2], _row: usize) -> Lanes {
         u * u * p[0] + u * v * p[1] + v * v * p[2]
     }
 
-    fn partials(&self, [u, v]: [Lanes; 2], out: &mut [Lanes]) {
+    fn partials(&self, [u, v]: [Lanes; 2], _row: usize, out: &mut [Lanes]) {
         (out[0], out[1], out[2]) = (u * u, u * v, v * v);
     }
 
-    fn slopes(&self, p: &[f64], [u, v]: [Lanes; 2]) -> [Lanes; 2] {
+    fn slopes(&self, p: &[f64], [u, v]: [Lanes; 2], _row: usize) -> [Lanes; 2] {
         [u * (2.0 * p[0]) + v * p[1], u * p[1] + v * (2.0 * p[2])]
     }
 }

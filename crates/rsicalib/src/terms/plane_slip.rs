@@ -41,15 +41,15 @@ impl Term for PlaneSlip {
 }
 
 impl Surface for PlaneSlip {
-    fn correction(&self, p: &[f64], [u, v]: [Lanes; 2]) -> Lanes {
+    fn correction(&self, p: &[f64], [u, v]: [Lanes; 2], _row: usize) -> Lanes {
         Lanes::splat(p[0]) + u * p[1] + v * p[2]
     }
 
-    fn partials(&self, [u, v]: [Lanes; 2], out: &mut [Lanes]) {
+    fn partials(&self, [u, v]: [Lanes; 2], _row: usize, out: &mut [Lanes]) {
         (out[0], out[1], out[2]) = (Lanes::ONE, u, v);
     }
 
-    fn slopes(&self, p: &[f64], _place: [Lanes; 2]) -> [Lanes; 2] {
+    fn slopes(&self, p: &[f64], _place: [Lanes; 2], _row: usize) -> [Lanes; 2] {
         [Lanes::splat(p[1]), Lanes::splat(p[2])]
     }
 }

@@ -27,7 +27,7 @@ pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
             chains.chain([Target::All]).collect()
         }
         Per::Closure => (0..mechanism.closures.len())
-            .filter(|&c| matches!(term.acts(), Acts::End) || mechanism.closures[c].kind.has_value())
+            .filter(|&c| has_places(term) || mechanism.closures[c].kind.has_value())
             .map(Target::Closure)
             .collect(),
         Per::Row => mechanism

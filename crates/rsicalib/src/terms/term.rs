@@ -254,17 +254,18 @@ pub trait Sensor: Sync {
     fn slope(&self, p: &[f64], site: &Site) -> Lanes;
 }
 
-/// A term that acts on a plane that points touch: its shape.
+/// A term that acts on a plane or a line that points touch: its shape.
 ///
 /// `u` and `v` are the place of the point along the plane's own axes, from the middle of all places of
-/// the session to half their extent: ±1 at the edges.
+/// the session to half their extent: ±1 at the edges. Of a line `u` is along it. `row` is the equation:
+/// a plane has one, a line one for each of the two directions across it.
 pub trait Surface: Sync {
-    /// What it adds to the offset of the plane, in length units.
-    fn correction(&self, p: &[f64], place: [Lanes; 2]) -> Lanes;
+    /// What it adds to the offset of an equation, in length units.
+    fn correction(&self, p: &[f64], place: [Lanes; 2], row: usize) -> Lanes;
     /// Derivatives of the correction by `p`.
-    fn partials(&self, place: [Lanes; 2], out: &mut [Lanes]);
+    fn partials(&self, place: [Lanes; 2], row: usize, out: &mut [Lanes]);
     /// Derivatives of the correction by `u` and `v`.
-    fn slopes(&self, p: &[f64], place: [Lanes; 2]) -> [Lanes; 2];
+    fn slopes(&self, p: &[f64], place: [Lanes; 2], row: usize) -> [Lanes; 2];
 }
 
 /// Spot on a chain at which a geometry term moves the chain.
@@ -305,7 +306,7 @@ pub enum Acts {
     Distance,
     /// Moves the end of a closure that stands, along the axes of the base.
     End,
-    /// Corrects the offset of a plane by where it is touched.
+    /// Corrects the offsets of a plane or a line by where it is touched.
     Surface(&'static dyn Surface),
     /// Corrects joint coordinates, moves a frame, or corrects the value of a distance, by a formula
     /// of what all stages before it left.

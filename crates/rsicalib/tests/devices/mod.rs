@@ -8,8 +8,8 @@ use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
 use rsicalib::mechanism::{
-    Chain, Channel, Closure, ClosureKind, Mechanism, Motion, Plane, Point, Row, Target, Value,
-    hand_controller,
+    Chain, Channel, Closure, ClosureKind, Line, Mechanism, Motion, Plane, Point, Row, Target,
+    Value, hand_controller,
 };
 use rsicalib::model::{Instance, Model, Want, Workspace};
 use rsicalib::numerics::lanes::{Lanes, WIDTH};
@@ -294,45 +294,48 @@ fn drawn(chains: usize, how: How, seed: u64) -> Option<Device> {
     device.closes(&[], &[]).then_some(device)
 }
 
-/// An arm of six joints whose tip is on a plane that is known, and a bar's length from a post.
-pub fn on_plane(how: How, seed: u64) -> Device {
-    first_of(seed, |seed| drawn_on_plane(how, seed))
+/// An arm of six joints whose tip is on a plane or a line that is known, and a bar's length from a post.
+pub fn on_surface(kind: ClosureKind, how: How, seed: u64) -> Device {
+    first_of(seed, |seed| drawn_on_surface(kind, how, seed))
 }
 
-fn drawn_on_plane(how: How, seed: u64) -> Option<Device> {
+fn drawn_on_surface(kind: ClosureKind, how: How, seed: u64) -> Option<Device> {
     let mut rng = Rng::new(seed);
-    let mut mechanism = empty(format!("on a plane {seed}"));
+    let mut mechanism = empty(format!("on a {kind:?} {seed}"));
     let mut centre = Vec::new();
     let chain = random_chain(&mut rng, &mut mechanism, 0, 6, &mut centre);
     mechanism.chains.push(chain);
     for (name, chain) in [("tip", Some(0)), ("side", Some(0)), ("post", None)] {
         mechanism.points.push(point(&mut rng, name, chain));
     }
-    let normal: [f64; 3] = std::array::from_fn(|_| rng.uniform(-1.0, 1.0));
-    let plane = Plane { name: "table".into(), normal: Some(normal), ..Plane::default() };
-    mechanism.planes.push(Plane { offset: Some(0.0), ..plane });
+    let faces: [f64; 3] = std::array::from_fn(|_| rng.uniform(-1.0, 1.0));
+    let name = String::from("table");
+    if kind == ClosureKind::Line {
+        let (at, direction) = (Some([0.0; 3]), Some(faces));
+        mechanism.lines.push(Line { name, at, direction, ..Line::default() });
+    } else {
+        let (normal, offset) = (Some(faces), Some(0.0));
+        mechanism.planes.push(Plane { name, normal, offset, ..Plane::default() });
+    }
+    let closed = |name: &str, kind: ClosureKind, between: [&str; 2]| Closure {
+        name: name.into(),
+        kind,
+        between: between.map(String::from),
+        value: (kind == ClosureKind::Distance).then_some(Value::Known(1.0)),
+        noise: Some(2e-3),
+        ..Closure::default()
+    };
     mechanism.closures = vec![
-        Closure {
-            name: "on table".into(),
-            kind: ClosureKind::Plane,
-            between: ["tip".into(), "table".into()],
-            noise: Some(2e-3),
-            ..Closure::default()
-        },
-        Closure {
-            name: "bar".into(),
-            kind: ClosureKind::Distance,
-            between: ["side".into(), "post".into()],
-            value: Some(Value::Known(1.0)),
-            noise: Some(2e-3),
-            ..Closure::default()
-        },
+        closed("on table", kind, ["tip", "table"]),
+        closed("bar", ClosureKind::Distance, ["side", "post"]),
     ];
-    // The plane and the bar as they are in the middle of the readings.
+    // The surface and the bar as they are in the middle of the readings.
     let middle = places(&mechanism, &centre);
     let [tip, side, post] = [middle[0], middle[1], middle[2]];
-    let long = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
-    mechanism.planes[0].offset = Some((0..3).map(|i| normal[i] * tip[i]).sum::<f64>() / long);
+    let long = faces.iter().map(|n| n * n).sum::<f64>().sqrt();
+    let offset = (0..3).map(|i| faces[i] * tip[i]).sum::<f64>() / long;
+    mechanism.planes.iter_mut().for_each(|plane| plane.offset = Some(offset));
+    mechanism.lines.iter_mut().for_each(|line| line.at = Some(tip));
     let bar = (0..3).map(|i| (side[i] - post[i]).powi(2)).sum::<f64>().sqrt();
     mechanism.closures[1].value = Some(Value::Known(bar));
 

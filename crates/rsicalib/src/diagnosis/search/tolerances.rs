@@ -57,8 +57,7 @@ impl Averaged<'_> {
             return Ok(Vec::new());
         }
         // Where no surface is touched there is none to be at fault.
-        let mechanism = &self.small.mechanism;
-        if (0..mechanism.closures.len()).all(|k| !mechanism.is_on_plane(k)) {
+        if !self.small.mechanism.touches_surfaces() {
             return Ok(Vec::new());
         }
         let later: Vec<Instance> = found[index..].iter().map(|s| s.instance).collect();
