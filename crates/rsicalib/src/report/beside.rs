@@ -12,6 +12,7 @@ use crate::monitor::closing::{OpenLoops, closing};
 use crate::readings::{Table, runs_of_poses};
 use crate::report::named::Named;
 use crate::report::result::{Estimates, FitReport, Known, parameters};
+use crate::terms::term::Placed;
 
 /// What is known beside the readings that are fitted, to judge a calibration by.
 #[derive(Debug, Clone)]
@@ -94,7 +95,7 @@ impl Beside {
     }
 
     /// Loops of the known poses that do not close under a fit, reported as `estimates`, as those of its session
-    /// do; none where they do, or where they cannot be looked at. What depends on the way or the time
+    /// do; none where they do, or where they cannot be looked at. What happened once, or depends on the way,
     /// may be otherwise at known poses that were read before or after.
     ///
     /// # Errors
@@ -108,7 +109,10 @@ impl Beside {
         let covariance = estimates.covariance.concat();
         // Where no parameter was determined nothing could have changed.
         let told = covariance.iter().any(|v| *v != 0.0);
-        let lasts = fit.model.instances.iter().all(|i| i.term.info().needs.of_pose());
+        let lasts =
+            fit.model.instances.iter().all(|i| {
+                i.term.info().needs.of_pose() && !matches!(i.term.placed(), Placed::AtPose)
+            });
         let known = self.known.as_ref().filter(|known| known.closes && told && lasts);
         let Some(Known { table, .. }) = known else { return Ok(None) };
         let (mechanism, applied) = (&observations.mechanism, Applied::from(estimates));
