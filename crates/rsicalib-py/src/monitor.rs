@@ -119,6 +119,9 @@ impl PyMonitor {
     }
 }
 
+/// Misclosure, that of the session, the probability of more by chance, and the same in words.
+type PyOpenLoops = (f64, Option<f64>, f64, String);
+
 /// Whether the loops of a table of readings are open under a result, beside the misclosure `own` of its own
 /// session: misclosure, that of the session, the probability of more by chance, and the same in words; none
 /// where they close, or where no row of the table tells that.
@@ -139,7 +142,7 @@ pub fn open_loops(
     edited: Option<bool>,
     scale: f64,
     dof: Option<f64>,
-) -> PyResult<Option<(f64, Option<f64>, f64, String)>> {
+) -> PyResult<Option<PyOpenLoops>> {
     let found = closed(py, mechanism, applied, table, covariance, (scale, dof))?;
     Ok(found.and_then(|found| found.open(own)).map(|open| {
         let text = words::open_loops(&mechanism.0, source, &open, edited);
