@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 import rsicalib
+from rsicalib.errors import OpenLoopsWarning
 from tests import oracle
 from tests.blind import effects, power, simulator, trials
 from tests.blind.effects import Effect
@@ -479,3 +481,6 @@ def test_a_hand_that_trembles_by_six_degrees_leaves_a_sound_device_adequate(numb
     for verb in (rsicalib.calibrate, rsicalib.trace):
         found = verb(it.readings, it.mechanism, check=it.check, rest=it.rest)
         assert (found.verdict, found.reasons) == ("adequate", ())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", OpenLoopsWarning)
+        rsicalib.forward(it.readings, it.mechanism, calibration=found)

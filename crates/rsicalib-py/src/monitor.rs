@@ -175,8 +175,8 @@ fn closed(
     (scale, dof): (f64, Option<f64>),
 ) -> PyResult<Option<Closing>> {
     let covariance: Option<Vec<f64>> = covariance.map(|c| c.as_array().iter().copied().collect());
-    let (applied, table) = (applied.into(), table.table());
-    work(py, || closing(&mechanism.0, &applied, covariance.as_deref(), table, scale, dof))?
+    let (applied, readings) = (applied.into(), table.some_poses());
+    work(py, || closing(&mechanism.0, &applied, covariance.as_deref(), readings, scale, dof))?
         .map_err(|error| PyError::from(error).into())
 }
 

@@ -2,6 +2,7 @@
 
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use rsicalib::monitor::closing::SomePoses;
 use rsicalib::readings::Table;
 use rsicalib::report::result::Known;
 
@@ -37,6 +38,34 @@ impl PyTable<'_> {
             session: self.session.clone(),
             keys: self.keys.clone(),
             columns: self.columns.clone(),
+        }
+    }
+}
+
+impl PyTable<'_> {
+    /// Those of its rows, owned by Rust, by which the loops are looked at: of a recording not all.
+    pub fn some_poses(&self) -> SomePoses {
+        let pose = self.pose.as_ref().map(|p| p.as_array().to_vec());
+        let samples = self.values.as_array().nrows();
+        SomePoses::of(pose.as_deref(), samples, |rows| {
+            rows.map_or_else(|| self.table(), |r| self.rows(r))
+        })
+    }
+
+    /// Some rows, owned by Rust.
+    fn rows(&self, rows: &[usize]) -> Table {
+        let column = |c: &Option<PyReadonlyArray1<'_, f64>>| {
+            c.as_ref().map(|c| rows.iter().map(|&row| c.as_array()[row]).collect())
+        };
+        let values = self.values.as_array();
+        Table {
+            values: rows.iter().flat_map(|&row| values.row(row).to_vec()).collect(),
+            pose: self.pose.as_ref().map(|p| rows.iter().map(|&row| p.as_array()[row]).collect()),
+            time: column(&self.time),
+            temperature: column(&self.temperature),
+            session: self.session.as_ref().map(|s| rows.iter().map(|&row| s[row]).collect()),
+            keys: self.keys.iter().map(|k| rows.iter().map(|&r| k[r].clone()).collect()).collect(),
+            columns: self.columns.iter().map(|c| rows.iter().map(|&r| c[r]).collect()).collect(),
         }
     }
 }

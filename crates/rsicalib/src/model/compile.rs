@@ -20,6 +20,15 @@ use crate::readings::Readings;
 use crate::terms::targets::provided;
 use crate::terms::term::{Acts, Needs, Placed, Scale, Spot};
 
+/// The channels at the target of an instance that its term suits.
+fn suited<'a>(
+    mechanism: &'a Mechanism,
+    instance: &'a Instance,
+) -> impl Iterator<Item = usize> + 'a {
+    let affected = mechanism.channels_at(instance.target).into_iter();
+    affected.filter(|&c| instance.term.suits(mechanism, c))
+}
+
 impl Model {
     /// Compiles a mechanism with terms for these readings.
     ///
@@ -270,8 +279,7 @@ impl Model {
             };
             match instance.term.acts() {
                 Acts::Sensor(term) => {
-                    let affected = self.mechanism.channels_at(instance.target).into_iter();
-                    let suited = affected.filter(|&c| instance.term.suits(&self.mechanism, c));
+                    let suited = suited(&self.mechanism, instance);
                     self.sensors.extend(suited.map(|channel| SensorAt {
                         term,
                         channel,
@@ -286,8 +294,7 @@ impl Model {
                     self.laws.extend(at);
                 }
                 Acts::Electronics(term) => {
-                    let affected = self.mechanism.channels_at(instance.target).into_iter();
-                    let suited = affected.filter(|&c| instance.term.suits(&self.mechanism, c));
+                    let suited = suited(&self.mechanism, instance);
                     self.electronics.extend(suited.map(|channel| ElectronicsAt {
                         term,
                         channel,

@@ -16,18 +16,19 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::Error;
 use crate::apply::earlier::{Applied, Under};
+use crate::estimate::on_closures::means_under;
 use crate::estimate::{Implicit, Part, Residuals};
 use crate::mechanism::Mechanism;
 use crate::model::Instance;
 use crate::monitor::thresholds::{as_chi2, log_tail};
 use crate::monitor::watched::internal_covariance;
-use crate::readings::{Readings, Table, rows_of};
+use crate::readings::{Table, rows_of};
 use crate::terms::term::Needs;
 
 /// Directions of which the readings tell less than this share are not compared.
 const TOLD: f64 = 1e-3;
 
-/// Samples that are compared at the most, evenly spread: enough to tell, and soon done.
+/// Poses that are compared at the most, evenly spread: enough to tell, and soon done.
 const MOST: usize = 200;
 
 /// Probability that the loops of a sound device are called open: of a million uses one.
@@ -79,6 +80,42 @@ impl Closing {
     }
 }
 
+/// The readings that are compared: of [`MOST`] poses at the most.
+#[derive(Debug)]
+pub struct SomePoses {
+    table: Table,
+    /// True where these are all there are.
+    whole: bool,
+}
+
+impl SomePoses {
+    /// Those of so many samples with these labels of poses; every sample is a pose where there are none. `take`
+    /// makes the table of the rows that it is given, or of all.
+    pub fn of(
+        pose: Option<&[i64]>,
+        samples: usize,
+        take: impl FnOnce(Option<&[usize]>) -> Table,
+    ) -> Self {
+        let begins = |row: &usize| pose.is_none_or(|p| *row == 0 || p[*row] != p[*row - 1]);
+        let poses = (0..samples).filter(begins).count();
+        if poses <= MOST {
+            return Self { table: take(None), whole: true };
+        }
+        let starts: Vec<usize> = (0..samples).filter(begins).chain([samples]).collect();
+        let spread = (0..MOST).map(|k| k * poses / MOST);
+        let rows: Vec<usize> = spread.flat_map(|k| starts[k]..starts[k + 1]).collect();
+        Self { table: take(Some(&rows)), whole: false }
+    }
+
+    /// Those of a table of a mechanism with so many channels.
+    #[must_use]
+    pub fn of_table(table: &Table, channels: usize) -> Self {
+        let samples = table.values.len() / channels.max(1);
+        let take = |rows: &[usize]| rows_of(table, channels, rows);
+        Self::of(table.pose.as_deref(), samples, |rows| rows.map_or_else(|| table.clone(), take))
+    }
+}
+
 /// Compares readings with a result whose parameters have this covariance, row by row. Samples that touch
 /// an unknown place which the result does not have say nothing. None where no others are left, and for terms
 /// that need the samples in between where only some of many are compared.
@@ -93,24 +130,25 @@ pub fn closing(
     mechanism: &Mechanism,
     applied: &Applied,
     covariance: Option<&[f64]>,
-    table: Table,
+    readings: SomePoses,
     scale: f64,
     dof: Option<f64>,
 ) -> Result<Option<Closing>, Error> {
-    let all = Readings::new(mechanism, table)?;
-    let means = all.averaged(mechanism, &vec![1.0; all.samples])?.0;
-    let mut under = Under::new(mechanism, applied, thinned(&means))?;
-    let out_of_order = means.samples > MOST && under.model.instances.iter().any(needs_neighbours);
+    let SomePoses { table, whole } = readings;
+    let mut under = Under::new(mechanism, applied, table)?;
+    let out_of_order = !whole && under.model.instances.iter().any(needs_neighbours);
     let used = compared(&under);
     if used.is_empty() || under.model.closures.is_empty() || out_of_order {
         return Ok(None);
     }
-    // In the mean of `n` samples the part of the noise that all share stays whole, and an `n`-th of
-    // the rest. How much is shared is not known here: the variance is taken to fall by √n.
-    let less = (means.samples as f64 / all.samples as f64).powf(0.25);
-    under.noise.sigma.iter_mut().for_each(|sigma| *sigma *= less);
-
     let beta = under.internal(&under.values);
+    let used = match under.readings.held {
+        true => {
+            average(mechanism, &mut under, &beta)?;
+            compared(&under)
+        }
+        false => used,
+    };
     let part = Part { model: &under.model, readings: &under.readings, weights: None };
     let problem = Implicit::of(part, under.noise.clone());
     let [rms_misclosure, expected_rms] = misclosures(&problem, &under, &beta, &used);
@@ -129,11 +167,19 @@ pub fn closing(
     Ok(Some(Closing { rms_misclosure, expected_rms, p_value }))
 }
 
-/// The rows that are compared at the most.
-fn thinned(means: &Readings) -> Table {
-    let (all, most) = (means.samples, MOST.min(means.samples));
-    let rows: Vec<usize> = (0..most).map(|k| k * all / most).collect();
-    rows_of(&means.table, means.channels, &rows)
+/// Takes the mean of each pose for its samples.
+///
+/// In the mean of `n` samples the part of the noise that all share stays whole, and an `n`-th of the rest. How
+/// much is shared is not known here: the variance is taken to fall by √n.
+fn average(mechanism: &Mechanism, under: &mut Under, beta: &[f64]) -> Result<(), Error> {
+    let Under { model, readings, noise, .. } = under;
+    let samples = readings.samples;
+    let all = (&*readings, &vec![1.0; samples][..]);
+    let (means, _) = means_under(mechanism, all, (model, beta), noise)?;
+    let less = (means.samples as f64 / samples as f64).powf(0.25);
+    noise.sigma.iter_mut().for_each(|sigma| *sigma *= less);
+    *readings = means;
+    Ok(())
 }
 
 /// True for a term that depends on where the mechanism came from.

@@ -8,7 +8,7 @@ use crate::diagnosis::verdict::Compared;
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
-use crate::monitor::closing::{OpenLoops, closing};
+use crate::monitor::closing::{OpenLoops, SomePoses, closing};
 use crate::readings::{Table, runs_of_poses};
 use crate::report::named::Named;
 use crate::report::result::{Estimates, FitReport, Known, parameters};
@@ -117,7 +117,8 @@ impl Beside {
         let Some(Known { table, .. }) = known else { return Ok(None) };
         let (mechanism, applied) = (&observations.mechanism, Applied::from(estimates));
         let (scale, dof) = (fit.chi2 / fit.dof.max(1.0), estimates.noise.dof);
-        let found = closing(mechanism, &applied, Some(&covariance), table.clone(), scale, dof)?;
+        let readings = SomePoses::of_table(table, mechanism.channels.len());
+        let found = closing(mechanism, &applied, Some(&covariance), readings, scale, dof)?;
         Ok(found.and_then(|found| found.open(estimates.misclosure.whole())))
     }
 

@@ -1,7 +1,6 @@
 //! [`BaseSlip`].
 
 use crate::kinematics::elements::{Axis, Way};
-use crate::mechanism::Mechanism;
 use crate::terms::term::{Acts, Info, Placed, Spot, Term};
 
 term! {
@@ -38,9 +37,5 @@ impl Term for BaseSlip {
 
     fn placed(&self) -> Placed {
         Placed::AtPose
-    }
-
-    fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {
-        (1..poses).collect()
     }
 }

@@ -31,8 +31,4 @@ impl Term for DistanceSlip {
         matches!(target, Target::Closure(k)
             if mechanism.slips(k) && !mechanism.is_link(&mechanism.closures[k]))
     }
-
-    fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {
-        (1..poses).collect()
-    }
 }

@@ -34,10 +34,6 @@ impl Term for LineSlip {
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
         mechanism.closures_of(target).any(|k| mechanism.is_on_line(k))
     }
-
-    fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {
-        (1..poses).collect()
-    }
 }
 
 impl Surface for LineSlip {

@@ -34,10 +34,6 @@ impl Term for PlaneSlip {
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
         mechanism.closures_of(target).any(|k| mechanism.is_on_plane(k))
     }
-
-    fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {
-        (1..poses).collect()
-    }
 }
 
 impl Surface for PlaneSlip {

@@ -32,8 +32,4 @@ impl Term for PointSlip {
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
         mechanism.closures_of(target).any(|k| mechanism.standing_end(k).is_some())
     }
-
-    fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {
-        (1..poses).collect()
-    }
 }

@@ -1,6 +1,5 @@
 //! [`Slip`].
 
-use crate::mechanism::Mechanism;
 use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Info, Placed, Role, Sensor, Site, Term};
 
@@ -25,10 +24,6 @@ impl Term for Slip {
 
     fn placed(&self) -> Placed {
         Placed::AtPose
-    }
-
-    fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {
-        (1..poses).collect()
     }
 
     fn role(&self) -> Role {

@@ -368,9 +368,13 @@ pub trait Term: Sync {
         vec![self.info().needs]
     }
 
-    /// The places of the term at a channel, which a search tries one by one.
-    fn places(&self, _mechanism: &Mechanism, _channel: usize, _poses: usize) -> Vec<usize> {
-        vec![0]
+    /// The places of the term at a channel, which a search tries one by one: what happens at a pose,
+    /// at every one but the first.
+    fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {
+        match self.placed() {
+            Placed::AtPose => (1..poses).collect(),
+            _ => vec![0],
+        }
     }
 
     /// What its parameter is to the line of its channel.
