@@ -109,7 +109,7 @@ def of_machines(name: str, suite: str, number: int, seed: int) -> Said:
     named = bool(it.get("named") or it.get("among"))
     right = named if suite == "effect" else it.get("flagged") is False
     misled = verdict == "explained" and not named
-    return Said(kind, device, right, 0, misled, verdict, said, it["seconds"])
+    return Said(kind, device, right, it.get("extras", 0), misled, verdict, said, it["seconds"])
 
 
 def devices(

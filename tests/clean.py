@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import rsicalib
+from rsicalib.work.closing import open_loops
 from tests.blind.trials import given, make
 
 
@@ -32,6 +33,8 @@ class Clean:
     """Probability of the residual as asked for."""
     held_out: float | None
     """Probability of the error on poses left out in turn."""
+    open_loops: bool = False
+    """Whether the loops of its check readings are called open."""
 
     @property
     def called(self) -> bool:
@@ -45,7 +48,8 @@ def judged(number: int, seed: int = 0) -> Clean:
     result = rsicalib.trace(it.readings, it.mechanism, rest=it.rest)
     named = bool(result.steps or result.excluded)
     held_out = getattr(result.before.held_out, "p_value", None)
-    return Clean(number, result.verdict, named, result.before.p_value, held_out)
+    opened = open_loops(it.check, it.mechanism, result) is not None
+    return Clean(number, result.verdict, named, result.before.p_value, held_out, opened)
 
 
 def rate(values: Iterable[bool]) -> str:
@@ -71,6 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 file.write(json.dumps(asdict(found[-1])) + "\n")
     print(f"called otherwise than adequate   {rate(one.called for one in found)}")
     print(f"an effect or a bad reading named {rate(one.named for one in found)}")
+    print(f"loops of check readings open     {rate(one.open_loops for one in found)}")
     return 0
 
 

@@ -73,6 +73,9 @@ def test_check_readings_whose_loops_are_open_are_told(tmp_path: Path) -> None:
         for found in (traced, calibrated, rsicalib.fixture(sound, check=check)):
             told = ({of.kind for of in all_of} for all_of in (found.warnings, found.reasons))
             assert [kinds_told & {"open_loops"} for kinds_told in told] == [kinds, kinds]
+            said = " ".join(found.summary().split())
+            assert ("loops of the check readings have a misclosure of" in said) == bool(kinds)
+            assert "and –" not in said and "in in " not in said
 
 
 def test_nothing_is_edited_in_a_result_as_it_was_made(tmp_path: Path) -> None:

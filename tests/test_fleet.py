@@ -521,6 +521,9 @@ def test_a_scheduler_that_goes_is_told_and_the_rows_are_kept(
     worker += ["--nworkers", "1", "--nthreads", "1", "--no-dashboard", "--death-timeout", "60"]
     working = subprocess.Popen(worker, stderr=subprocess.DEVNULL)
 
+    # The client's logger passes nothing on: it is listened to by itself.
+    logging.getLogger("distributed.client").addHandler(caplog.handler)
+
     def kill(_: str, done: int, total: int) -> None:
         scheduler.kill()
 
@@ -530,6 +533,7 @@ def test_a_scheduler_that_goes_is_told_and_the_rows_are_kept(
         # What is told is told once, and not as a traceback.
         assert [record for record in caplog.records if record.levelno > logging.INFO] == []
     finally:
+        logging.getLogger("distributed.client").removeHandler(caplog.handler)
         for process in (scheduler, working):
             process.kill()
             process.communicate()

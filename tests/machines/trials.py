@@ -111,7 +111,7 @@ def examined(case: Case, csv: Path, mechanism: Path) -> Record:
     answer = result.to_dict()
     truths = [] if case.effect is None else [Truth(case.effect.value, case.names)]
     judged = grade(answer, result.exit_code, truths)
-    out: Record = {"verdict": judged.verdict, "said": list(judged.said)}
+    out: Record = {"verdict": judged.verdict, "said": list(judged.said), "extras": judged.extras}
     ties = [f"{t['term']}@{t['target']}" for s in answer["steps"] for t in s["also_fits"] or []]
     if case.effect is None:
         out["flagged"] = judged.flagged
@@ -122,11 +122,16 @@ def examined(case: Case, csv: Path, mechanism: Path) -> Record:
 
 
 def coverage(machine: Machine, answer: dict[str, Any]) -> list[int]:
-    """How many of the parameters have the truth in their 95 % interval, and of how many."""
-    inside = [
-        abs(p["value"] - machine.values[f"{p[key]}@{p['target']}"]) < WITHIN * p["sd"]
+    """How many of the parameters have the truth in their 95 % interval, and of how many.
+
+    Leans of lines count from axes that the library chooses, and are not those of the simulator.
+    """
+    known = [
+        (p, machine.values[f"{p['name']}@{p['target']}"])
         for p in answer["parameters"]
-        for key in ("name",)
-        if p["sd"] is not None and f"{p[key]}@{p['target']}" in machine.values
+        if p["term"] != "unknown_line" and f"{p['name']}@{p['target']}" in machine.values
+    ]
+    inside = [
+        abs(p["value"] - value) < WITHIN * p["sd"] for p, value in known if p["sd"] is not None
     ]
     return [sum(inside), len(inside)]

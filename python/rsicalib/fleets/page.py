@@ -17,6 +17,7 @@ from urllib.parse import quote
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
+from rsicalib.facts.verdicts import EXIT_CODES, UNUSABLE
 from rsicalib.fleets.map import map_figure
 from rsicalib.fleets.standing_out import Remark, Spread, remarks, spreads
 from rsicalib.plain_text import counted
@@ -33,7 +34,7 @@ LISTED = 200
 LONG = 240
 """Characters of a reason that is read at a glance; `fleet.parquet` has all of it."""
 
-USED = {"adequate", "unjudged", "explained", "partly_explained", "unexplained"}
+USED = EXIT_CODES.keys() - UNUSABLE
 """Verdicts of devices whose parameters can be compared with those of others."""
 
 BINS = 20

@@ -169,6 +169,9 @@ def drive(session: Session, robot: Robot, show: Any) -> None:
         here = found[-1].values
         _check(session.mechanism, here, f"pose {session.next_label}")
         session.arrive(found)
+        _settled(session, show)
+        if session.adviser.mistake is not None:
+            return  # wires that are exchanged, or turned: more poses tell nothing else
     _settled(session, show)
 
 

@@ -269,8 +269,9 @@ class Log:
         if not path.exists():
             return []
         expected = "pairs of channels in 'exchanged'"
+        kept = read_json(path, expected)
         try:
-            pairs = [(str(a), str(b)) for a, b in read_json(path, expected)["exchanged"]]
+            pairs = [(str(a), str(b)) for a, b in kept["exchanged"]]
             if {name for pair in pairs for name in pair} <= set(self.channels):
                 return pairs
             error: Exception = ValueError("a name that is no channel")

@@ -171,8 +171,10 @@ class Session:
             self._means = {k: _mean(samples) for k, samples in self.log.poses.items()}
             self._recent.clear()
             self.hold.clear()
-            self.note = f"{pair[0]} and {pair[1]} are taken for one another: exchange their names"
-            self.note += " or wires where the readings come from as well"
+            self.note = (
+                f"{pair[0]} and {pair[1]} are taken for one another: leave wires and names as"
+            )
+            self.note += " as they are until this session is done, and exchange them afterwards"
             self._save()
             self._ask()
 

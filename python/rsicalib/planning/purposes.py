@@ -23,7 +23,7 @@ def share_of(purpose: Purpose) -> float:
     if purpose["kind"] == "falls":
         return float(1.0 - purpose["times"])
     before, after = purpose["before"], purpose["after"]
-    if before is None or not math.isfinite(before):
+    if not math.isfinite(before):
         return 1.0
     return float(1.0 - after / before) if before > 0.0 else 0.0
 

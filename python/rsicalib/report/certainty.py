@@ -8,7 +8,7 @@ from html import escape
 
 from rsicalib.facts.shapes import Evidence, Hypothesis, ResultShape, Rival, TraceShape
 from rsicalib.report.curves import ANY_CURVE
-from rsicalib.report.words import UNKNOWN, listed_words, percent, subject
+from rsicalib.report.words import UNKNOWN, listed_words, percent, place_words, subject
 
 __all__ = ["certainty_html", "is_same"]
 
@@ -76,10 +76,9 @@ def _no_explanation(result: ResultShape, evidence: Evidence | None) -> str:
         return ""
     if not isinstance(result, TraceShape):
         return "no explanation was looked for: rsicalib trace does"
-    left = result.unexplained
-    at = "" if left is None or left.target in (None, "all") else f", at {left.target}"
+    at = place_words(result)
     tried = f": none of the {len(evidence.left)} that were tried holds" if evidence else ""
-    return f"an effect that is not known{at}{tried}"
+    return f"an effect that is not known{',' * bool(at)}{at}{tried}"
 
 
 def _choice(at: int | None) -> str:

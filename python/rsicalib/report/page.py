@@ -209,7 +209,7 @@ def table(
             words = k < text or heads[k] == long
             own = tag if cell else "td"  # a head without words is none
             shown = whole(escape(cell)) if words else escape(cell)
-            if links and cell in links:
+            if links and k == 0 and cell in links:
                 shown = f'<a href="{escape(links[cell])}">{shown}</a>'
             out.append(f"<{own}{kind}>{shown}</{own}>")
         return "".join(out)

@@ -10,6 +10,7 @@ from rsicalib.report.words import (
     listed_words,
     name_of,
     number,
+    place_words,
     subject,
     target_words,
     value_words,
@@ -61,8 +62,7 @@ def plain_words(result: ResultShape, evidence: Evidence | None) -> str:
         return " ".join(_found(result, step) for step in _worst(result)[:2])
     right = _right(result, evidence)
     if result.verdict == "unexplained":
-        left = result.unexplained if isinstance(result, TraceShape) else None
-        at = "" if left is None or left.target in (None, "all") else f" at {left.target}"
+        at = place_words(result) if isinstance(result, TraceShape) else ""
         used = f" Used as it is, the calibration is {right}." if right else ""
         return f"Something is wrong{at}, and no known effect explains it.{used}"
     sure = f" It is {right}." if right else ""

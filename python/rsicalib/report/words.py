@@ -156,8 +156,8 @@ def listed_words(items: Sequence[str]) -> str:
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"
 
 
-def _at(result: TraceShape) -> str:
-    """Where something is left: ` at a33`."""
+def place_words(result: TraceShape) -> str:
+    """Where something is left: ` at a33`; empty where it is everywhere, or nothing is."""
     target = None if result.unexplained is None else result.unexplained.target
     return "" if target in (None, "all") else f" at {target}"
 
@@ -257,7 +257,7 @@ def sentence(result: ResultShape) -> str:
             why = f"what was found does not hold elsewhere: {reason_words(result, against[0])}"
             return f"Partly explained: {why}. {_capital(missing)} {leave} ({judged})."
         if more:
-            where = f"something is left{_at(result)}"
+            where = f"something is left{place_words(result)}"
             return f"Partly explained: {missing} {were} missing, and {where} ({judged})."
         return (
             f"Partly explained: {missing} {leave} ({judged}), but may stand for an effect that no "
@@ -265,7 +265,8 @@ def sentence(result: ResultShape) -> str:
         )
     if result.verdict == "unexplained":
         if isinstance(result, TraceShape):
-            return f"Unexplained: no known effect explains what is left{_at(result)} ({judged})."
+            where = place_words(result)
+            return f"Unexplained: no known effect explains what is left{where} ({judged})."
         return f"The residual is significant ({judged}): the model lacks something."
     count = len(result.excluded)
     out = "" if not count else f" without {count} bad reading{'s' * (count > 1)}"
@@ -596,13 +597,13 @@ def reason_words(result: ResultShape, reason: Reason) -> str:
     what, than = REASONS[reason.kind]
     units = {"held_out": "", "held_out_before": "", "check_orientation": " rad"}
     unit = units.get(reason.kind, f" {result.length_unit}")
-    found, expected = (f"{number(value)}{unit}" for value in (reason.found, reason.expected))
+    beside = "" if reason.expected is None else f", and {number(reason.expected)}{unit} {than}"
     p = "" if reason.p_value is None else f" ({p_is(reason.p_value)})"
-    return f"{what} {found}, and {expected} {than}{p}"
+    return f"{what} {number(reason.found)}{unit}{beside}{p}"
 
 
 REASONS = {
-    "open_loops": ("loops of the check readings have a misclosure of", "in the session"),
+    "open_loops": ("loops of the check readings have a misclosure of", "is that of the session"),
     "check": ("check poses are off by", "is predicted"),
     "check_orientation": ("check poses are turned by", "is predicted"),
     "check_pose": ("a check pose is off by", "is predicted"),

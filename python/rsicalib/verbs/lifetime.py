@@ -15,6 +15,7 @@ from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, InputTypeError
+from rsicalib.facts.verdicts import UNUSABLE
 from rsicalib.io.readings import Readings
 from rsicalib.plain_text import meant
 from rsicalib.planning.measures import parameters_of
@@ -121,7 +122,7 @@ def _read(
             continue
         if result.valid_from is None:
             left_out.append(LeftOut(name, "without a date (--date)"))
-        elif result.verdict in ("undetermined", "implausible"):
+        elif result.verdict in UNUSABLE:
             left_out.append(LeftOut(name, f"{result.verdict}: no parameters to rely on"))
         else:
             read.append((name, result))

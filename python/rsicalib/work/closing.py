@@ -8,9 +8,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.errors import tell
@@ -20,7 +17,7 @@ from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of, tell_closures
 from rsicalib.work.edited import own_misclosure
 
-__all__ = ["OpenLoops", "first_rows", "open_loops", "warn_of_open_loops"]
+__all__ = ["OpenLoops", "open_loops", "warn_of_open_loops"]
 
 
 class OpenLoops(NamedTuple):
@@ -80,10 +77,3 @@ def warn_of_open_loops(readings: Readings, mechanism: Mechanism, result: Result)
     found = open_loops(readings, mechanism, result)
     if found is not None:
         tell(found.text)
-
-
-def first_rows(pose: npt.NDArray[np.integer] | None, n: int) -> npt.NDArray[np.intp]:
-    """First row of each pose; every row where there are none."""
-    if pose is None:
-        return np.arange(n)
-    return np.flatnonzero(np.r_[True, pose[1:] != pose[:-1]])
