@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 SENTENCES = {
     *("text", "reason", "message", "termination", "summary", "said", "why"),
-    *("note", "notes", "implausible", "unobservable", "troubles"),
+    *("note", "notes", "implausible", "unobservable", "troubles", "over"),
 }
 """Attributes and keys of results that hold sentences, or lists of them."""
 

@@ -7,6 +7,7 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rsicalib
@@ -56,3 +57,24 @@ def test_an_arm_at_cones_whose_result_has_two_values_exchanged_is_told(tmp_path:
     with warnings.catch_warnings():
         warnings.simplefilter("error", OpenLoopsWarning)
         replace(case, readings=in_the_air).forward(bare)
+
+
+@pytest.mark.parametrize("term", ["drift", "wander@a11", "lag@a11"])
+def test_a_result_without_a_digest_is_taken_whatever_its_terms_need(
+    term: str, tmp_path: Path
+) -> None:
+    """Of the first two no parameter outlasts the session, and of the last no row tells."""
+    made = rsicalib.simulate(poses=60, samples=1, seed=3)
+    readings = made.readings
+    if term.startswith("lag"):
+        mechanism = rsicalib.load_mechanism("rsi")
+        seconds = np.arange(len(readings)) / 10.0
+        readings = rsicalib.Readings.from_arrays(mechanism, readings.values, time_s=seconds)
+    found = rsicalib.calibrate(readings, rest=made.rest, terms=[term], noise=1.0)
+    bare = {key: value for key, value in found.to_dict().items() if key != "digest"}
+    path = tmp_path / "result.json"
+    path.write_text(json.dumps(bare), encoding="utf-8")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", OpenLoopsWarning)
+        poses = rsicalib.forward(readings, calibration=path)
+    assert len(poses) == len(readings)

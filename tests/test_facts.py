@@ -22,6 +22,7 @@ CORE = Path(__file__).parents[1] / "crates"
 EVASIONS = {
     "compared": 'x.text == "a"',
     "contained": '"a" in w.text',
+    "what a law is over": 'law.over == f"reading of {a}"',
     "begins": 'step["reason"].startswith("a")',
     "a rule": "RULE.search(w.text)",
     "a regular expression": "re.match(r, e.message)",

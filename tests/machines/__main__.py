@@ -62,6 +62,8 @@ def figures(own: Sequence[Record]) -> Iterator[tuple[str, str]]:
         yield "named, or in the tie", cell([r["among"] for r in done])
         for kind in sorted({r["kind"] for r in done}):
             yield f"the same, {kind}", cell([r["among"] for r in done if r["kind"] == kind])
+    if done and "among" in done[0]:
+        yield "extra names", f"{sum(r.get('extras', 0) for r in done)} of {len(done)} machines"
     within = [r["covered"] for r in done if r.get("covered") and r["covered"][1]]
     if within:
         hits, of = (sum(c[k] for c in within) for k in (0, 1))

@@ -805,6 +805,8 @@ class Law(Record):
 
     over: str
     """The variable: `reading of a22`, `time`."""
+    of_reading: bool
+    """True where that is the reading of the channel that the law corrects."""
     unit: str
     """Unit of the variable."""
     correction_unit: str

@@ -24,8 +24,7 @@ def any_curve(evidence: Evidence, step: Step, law: Law) -> AnyCurve:
     drawn = {a.effect.term for a in law.alternatives} | {step.term}
     found = next((one for one in evidence.hypotheses if one.kind == "found"), None)
     own = next((one for one in evidence.hypotheses if _is_curve(one, step)), None)
-    over_reading = law.over == f"reading of {step.target}"
-    if ANY_CURVE in drawn or found is None or own is None or not over_reading:
+    if ANY_CURVE in drawn or found is None or own is None or not law.of_reading:
         return []
     values, before = _sensor(own, step.target), _sensor(found, step.target)
     offset, gain = (values.get(p, 0.0) - before.get(p, 0.0) for p in ("offset", "gain"))

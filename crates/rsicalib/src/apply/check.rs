@@ -87,7 +87,7 @@ pub fn check(
     let (position, orientation) = (found.position_rms, found.orientation_rms);
     let judged = error.judge(position, orientation, fit.noise.dof);
     // What an effect of the way or of the time does at one known pose is not known as well as at those fitted.
-    let judged = match fit.model.instances.iter().all(|i| i.term.info().needs.of_pose()) {
+    let judged = match fit.model.instances.iter().all(|i| i.term.of_pose()) {
         true => {
             let (alone, motion) = (wanted(&samples), motion_of(&pairs, align));
             let each = alone.of_each(fit, &slopes).zip(&pairs).map(|(predicted, pair)| {

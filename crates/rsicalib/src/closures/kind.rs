@@ -46,7 +46,7 @@ impl Part {
 /// The value that a closure is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Given {
-    /// None, and terms can add to none.
+    /// None.
     Nothing,
     /// A number, a column of the readings, or a channel.
     Value,

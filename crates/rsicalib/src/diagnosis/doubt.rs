@@ -60,7 +60,7 @@ pub fn doubt(mechanism: &Mechanism, found: &[Instance], rises: &[f64]) -> Option
 /// is beside any law.
 fn two_laws(found: &[Instance]) -> Option<Doubted> {
     let of_pose = |i: &Instance| {
-        let needs = i.term.info().needs.of_pose();
+        let needs = i.term.of_pose();
         let law = i.term.placed() != Placed::AtPose && i.term.role() == Role::Other;
         needs && law && matches!(i.target, Target::Channel(_))
     };

@@ -491,7 +491,7 @@ fn shared<'a>(other: &'a Model, model: &'a Model) -> impl Iterator<Item = (usize
 /// or gives what stands a shape or a move.
 fn followers(model: &Model) -> Vec<usize> {
     columns_of(model, |term| {
-        let device = term.info().needs.of_pose()
+        let device = term.of_pose()
             && term.placed() == Placed::Once
             && !matches!(term.acts(), Acts::Surface(_) | Acts::End);
         !device

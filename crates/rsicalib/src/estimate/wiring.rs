@@ -108,8 +108,6 @@ fn reversed(search: &StartSearch<'_>, at: impl Fn(usize) -> bool) -> End {
     best_of(FACTORS.into_iter().map(from)).unwrap_or(nothing)
 }
 
-/// The fit with two columns of the readings exchanged; none where a reading is beyond the range of
-/// the other channel.
 /// The fit with the readings as they would be without a mistake.
 fn rewired(search: &StartSearch<'_>, without: &Rewired) -> Option<End> {
     let Rewired { readings, observations } = without;

@@ -44,8 +44,8 @@ const STEPS: usize = 60;
 /// Rounds of drawing, each twice what is missing.
 const ROUNDS: usize = 40;
 
-/// Rounds after which nothing more is drawn for keys of which none has closed. Of twenty draws for each that is
-/// asked for none has: the rounds that are left would find three in all, by that rate.
+/// Rounds after which nothing more is drawn for keys of which none has closed, if so many were drawn as all rounds
+/// draw for one. Of twenty draws for each that is asked for none has closed.
 const HOPELESS: usize = 10;
 
 /// Longest Newton step of a joint [rad, or lengths of the longest link].
@@ -245,7 +245,7 @@ impl Configurations {
         let mut found: Vec<Vec<Closed>> = vec![Vec::new(); self.keys.len()];
         for round in 0..ROUNDS {
             let missing = |(key, found): (usize, &Vec<Closed>)| {
-                let hopeless = round >= HOPELESS && found.is_empty();
+                let hopeless = round >= HOPELESS && each * round >= ROUNDS && found.is_empty();
                 std::iter::repeat_n(key, if hopeless { 0 } else { 2 * (each - found.len()) })
             };
             let wanted: Vec<usize> = found.iter().enumerate().flat_map(missing).collect();

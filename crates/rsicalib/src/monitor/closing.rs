@@ -32,7 +32,7 @@ const TOLD: f64 = 1e-3;
 const MOST: usize = 200;
 
 /// Probability that the loops of a sound device are called open: of a million uses one.
-const LEVEL: f64 = 1e-6;
+const OPEN: f64 = 1e-6;
 
 /// By so many times misclosure does not differ between poses of a session and others: the arms by
 /// which a joint moves a closure differ by less.
@@ -68,7 +68,7 @@ impl Closing {
     pub fn open(&self, own: Option<f64>) -> Option<OpenLoops> {
         let Self { rms_misclosure, p_value, .. } = *self;
         // What is not finite is not below anything.
-        let closed = p_value >= LEVEL && own.is_none_or(|own| rms_misclosure < TIMES * own);
+        let closed = p_value >= OPEN && own.is_none_or(|own| rms_misclosure < TIMES * own);
         (!closed).then_some(OpenLoops { rms_misclosure, own, p_value })
     }
 
@@ -117,8 +117,9 @@ impl SomePoses {
 }
 
 /// Compares readings with a result whose parameters have this covariance, row by row. Samples that touch
-/// an unknown place which the result does not have say nothing. None where no others are left, and for terms
-/// that need the samples in between where only some of many are compared.
+/// an unknown place which the result does not have say nothing. None where no others are left, where the readings
+/// lack what a term needs, for terms that need the samples in between where only some of many are compared,
+/// and for shapes of a surface, whose extent is that of the session.
 ///
 /// `scale` is the variance of its residual over that of its noise, `dof` the degrees of freedom of
 /// the noise; none where it was declared.
@@ -135,10 +136,15 @@ pub fn closing(
     dof: Option<f64>,
 ) -> Result<Option<Closing>, Error> {
     let SomePoses { table, whole } = readings;
-    let mut under = Under::new(mechanism, applied, table)?;
+    let mut under = match Under::new(mechanism, applied, table) {
+        Err(Error::Missing { .. } | Error::Context { .. }) => return Ok(None),
+        under => under?,
+    };
+    let closures = &under.model.closures;
+    let shaped = closures.iter().any(|closure| !closure.shapes.is_empty());
     let out_of_order = !whole && under.model.instances.iter().any(needs_neighbours);
     let used = compared(&under);
-    if used.is_empty() || under.model.closures.is_empty() || out_of_order {
+    if used.is_empty() || closures.is_empty() || shaped || out_of_order {
         return Ok(None);
     }
     let beta = under.internal(&under.values);
@@ -184,7 +190,7 @@ fn average(mechanism: &Mechanism, under: &mut Under, beta: &[f64]) -> Result<(),
 
 /// True for a term that depends on where the mechanism came from.
 fn needs_neighbours(instance: &Instance) -> bool {
-    matches!(instance.term.info().needs, Needs::Approach | Needs::Motion)
+    instance.term.needs().iter().any(|needs| matches!(needs, Needs::Approach | Needs::Motion))
 }
 
 /// Rows that are compared: those in which everything unknown is the result's.
@@ -244,8 +250,14 @@ fn moved(here: &Residuals, used: &[usize], prior: &DMatrix<f64>) -> (Shift, Vec<
         return (Shift { statistic: f64::INFINITY, rank: 1 }, open());
     }
 
+    let squares = |w: &DVector<f64>| {
+        w.as_slice().chunks_exact(k).map(|w| w.iter().map(|w| w * w).sum()).collect()
+    };
     // In units in which P₀ is 1, so that each direction is told by a share h/(1 + h) from 0 to 1.
     let units = root(prior);
+    if units.ncols() == 0 {
+        return (Shift { statistic: 0.0, rank: 0 }, squares(&w));
+    }
     let along = &x * &units;
     let told = (along.transpose() * &along).symmetric_eigen();
     let pull = told.eigenvectors.transpose() * (along.transpose() * &w);
@@ -260,8 +272,7 @@ fn moved(here: &Residuals, used: &[usize], prior: &DMatrix<f64>) -> (Shift, Vec<
         }
     }
     let left = w + along * (told.eigenvectors * mu);
-    let left = left.as_slice().chunks_exact(k).map(|w| w.iter().map(|w| w * w).sum()).collect();
-    (Shift { statistic, rank }, left)
+    (Shift { statistic, rank }, squares(&left))
 }
 
 /// `U` with `U Uᵀ` a covariance, one column for each direction that is uncertain.

@@ -156,11 +156,11 @@ impl Readings {
     ///
     /// As [`Readings::new`].
     pub(crate) fn with_values(
-        self,
+        mut self,
         mechanism: &Mechanism,
         values: Vec<f64>,
     ) -> Result<Self, Error> {
-        let table = Table { values, ..self.table.clone() };
+        let table = Table { values, ..std::mem::take(&mut self.table) };
         Self::build(mechanism, table, Some(&self), true)
     }
 

@@ -4,7 +4,7 @@ use crate::Error;
 use crate::apply::accuracy::{PREDICTED, predicted};
 use crate::apply::earlier::{self, Applied, Reference, Reported};
 use crate::apply::groups::spread;
-use crate::diagnosis::verdict::Compared;
+use crate::diagnosis::verdict::{Compared, Determined};
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
@@ -102,20 +102,26 @@ impl Beside {
     ///
     /// As [`closing`].
     pub(crate) fn open_loops(
-        &self,
+        beside: Option<&Self>,
+        determined: Determined,
         (observations, fit): (&Observations, &Fit),
         estimates: &Estimates,
     ) -> Result<Option<OpenLoops>, Error> {
-        let covariance = estimates.covariance.concat();
+        let known = beside.and_then(|beside| beside.known.as_ref());
+        let known = known.filter(|known| known.closes && determined == Determined::Yes);
+        let Some(Known { table, .. }) = known else { return Ok(None) };
+        let (applied, covariance) = estimates.applied();
         // Where no parameter was determined nothing could have changed.
         let told = covariance.iter().any(|v| *v != 0.0);
-        let lasts =
-            fit.model.instances.iter().all(|i| {
-                i.term.info().needs.of_pose() && !matches!(i.term.placed(), Placed::AtPose)
-            });
-        let known = self.known.as_ref().filter(|known| known.closes && told && lasts);
-        let Some(Known { table, .. }) = known else { return Ok(None) };
-        let (mechanism, applied) = (&observations.mechanism, Applied::from(estimates));
+        let lasts = fit
+            .model
+            .instances
+            .iter()
+            .all(|i| i.term.of_pose() && !matches!(i.term.placed(), Placed::AtPose));
+        if !(told && lasts) {
+            return Ok(None);
+        }
+        let mechanism = &observations.mechanism;
         let (scale, dof) = (fit.chi2 / fit.dof.max(1.0), estimates.noise.dof);
         let readings = SomePoses::of_table(table, mechanism.channels.len());
         let found = closing(mechanism, &applied, Some(&covariance), readings, scale, dof)?;

@@ -42,7 +42,7 @@ pub fn update(
     earlier: &impl AsRef<Estimates>,
 ) -> Result<(CalibrationReport, Update), Error> {
     let (report, calibrated) = calibrated::report(observations, None)?;
-    let (applied, covariance) = with_covariance(earlier.as_ref());
+    let (applied, covariance) = earlier.as_ref().applied();
     let rms = report.fit.held_out.map(|held_out| held_out.rms_misclosure);
     let later = (&calibrated.observations, &calibrated.fit);
     let update = Update::since(&applied, Some(&covariance), later, rms)?;
@@ -62,7 +62,7 @@ impl Monitor {
         options: &MonitorOptions,
     ) -> Result<Self, Error> {
         let found = found.as_ref();
-        let (applied, covariance) = with_covariance(found);
+        let (applied, covariance) = found.applied();
         let quiet = Quiet {
             dof: found.misclosure.dof,
             correlation: found.misclosure.correlation,
@@ -80,10 +80,6 @@ impl Past {
         let sd = parameter.sd.filter(|_| parameter.value.is_finite())?;
         Some(Self { day, value: parameter.value, sd })
     }
-}
-
-fn with_covariance(found: &Estimates) -> (Applied, Vec<f64>) {
-    (Applied::from(found), found.covariance.concat())
 }
 
 impl AsRef<Estimates> for CalibrationReport {

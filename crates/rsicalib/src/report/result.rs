@@ -273,6 +273,11 @@ pub struct Estimates {
 }
 
 impl Estimates {
+    /// The result on its way to other readings, and the covariance of its parameters, row by row.
+    pub(crate) fn applied(&self) -> (Applied, Vec<f64>) {
+        (Applied::from(self), self.covariance.concat())
+    }
+
     /// Predicted error of positions, and that by what is known without readings.
     pub(crate) fn beforehand(&self) -> Option<[f64; 2]> {
         let predicted = self.predicted?;

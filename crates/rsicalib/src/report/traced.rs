@@ -349,11 +349,8 @@ pub fn traced(
     let another = sd.and_then(|sd| Some((rivals::elsewhere(&traced.rivals, sd)?, sd)));
     let determined = directions.beside(&traced.observations, &found);
     let determined = Determined::of(&traced.after, &determined);
-    let open_loops = beside
-        .filter(|_| determined == Determined::Yes)
-        .map(|beside| beside.open_loops((&traced.observations, &applied), &estimates))
-        .transpose()?
-        .flatten();
+    let last = (&traced.observations, &applied);
+    let open_loops = Beside::open_loops(beside, determined, last, &estimates)?;
     let [groups_declared, groups_before] =
         groups.as_ref().map(GroupsReport::compared).unwrap_or_default();
     let Judgement { verdict, reasons } = verdict::judge(&Evidence {

@@ -108,8 +108,8 @@ pub fn open_loops(
     let length = |v: f64| format!("{} {}", significant(v, 2), mechanism.length_unit);
     let as_own = own.map(|own| format!(", in the session of the result it was {}", length(own)));
     let others = match edited {
-        Some(false) => " or the result is of another device",
-        _ => ", the result is of another device, or its numbers were edited",
+        Some(false) => " or they are of another device",
+        _ => ", they are of another device, or the result's numbers were edited",
     };
     format!(
         "the loops of {source} do not close under this result: misclosure {}{}. Something has changed \
@@ -599,10 +599,7 @@ fn likely(mechanism: &Mechanism, likely: &[(usize, f64)]) -> (String, String) {
 #[must_use]
 pub fn another(mechanism: &Mechanism, rival: &Explanation, apart: f64, predicted: f64) -> String {
     let names: Vec<String> = rival.effects.iter().map(|i| of(mechanism, i)).collect();
-    let names = match names.split_last() {
-        Some((last, before)) if !before.is_empty() => format!("{} and {last}", before.join(", ")),
-        _ => names.concat(),
-    };
+    let names = and_between(&names);
     let what = if mechanism.platform.is_empty() { "carried points" } else { "the platform" };
     let unit = &mechanism.length_unit;
     format!(

@@ -368,6 +368,11 @@ pub trait Term: Sync {
         vec![self.info().needs]
     }
 
+    /// True for what a pose by itself tells, whenever and however it was reached.
+    fn of_pose(&self) -> bool {
+        self.needs().into_iter().all(Needs::of_pose)
+    }
+
     /// The places of the term at a channel, which a search tries one by one: what happens at a pose,
     /// at every one but the first.
     fn places(&self, _mechanism: &Mechanism, _channel: usize, poses: usize) -> Vec<usize> {

@@ -31,10 +31,6 @@ pub enum Source {
 }
 
 impl Source {
-    /// Every source.
-    pub const ALL: [Self; 5] =
-        [Self::Declared, Self::Repeats, Self::Neighbours, Self::Quantisation, Self::Fit];
-
     /// True where lack of fit can be judged against it.
     #[must_use]
     pub fn independent(self) -> bool {

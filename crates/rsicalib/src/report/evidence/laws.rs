@@ -32,7 +32,8 @@ const BLIND: f64 = 0.02;
 pub fn law(observations: &Observations, found: &Found, last: &Fit) -> Result<Option<Law>, Error> {
     let instance = &found.instance;
     let Some(acts) = Correction::of(observations, instance, last) else { return Ok(None) };
-    let (over, unit, variable) = variable(observations, instance, &acts);
+    let Variable { over, of_reading, unit, values: variable } =
+        variable(observations, instance, &acts);
     let live: Vec<usize> = (0..observations.readings.samples)
         .filter(|&row| observations.weights[row] > 0.0 && variable[row].is_finite())
         .collect();
@@ -69,7 +70,17 @@ pub fn law(observations: &Observations, found: &Found, last: &Fit) -> Result<Opt
     }
     let correction_unit = acts.unit(observations);
     let line = line(&|row| acts.law[row]);
-    Ok(Some(Law { over, unit, correction_unit, dots, per_dot, poses, line, alternatives }))
+    Ok(Some(Law {
+        over,
+        of_reading,
+        unit,
+        correction_unit,
+        dots,
+        per_dot,
+        poses,
+        line,
+        alternatives,
+    }))
 }
 
 /// Mean of dots by their precision.
@@ -187,24 +198,34 @@ fn fraction(readings: &[f64], change: impl Fn(usize) -> f64) -> Option<f64> {
     (alike && fraction.is_finite()).then_some(fraction)
 }
 
-/// Name, unit and values of the variable of a law.
-fn variable(
-    observations: &Observations,
-    instance: &Instance,
-    acts: &Correction,
-) -> (String, String, Vec<f64>) {
+/// The variable of a law.
+struct Variable {
+    over: String,
+    /// True for the reading of the channel that is corrected.
+    of_reading: bool,
+    unit: String,
+    values: Vec<f64>,
+}
+
+impl Variable {
+    fn of(over: impl Into<String>, unit: impl Into<String>, values: Vec<f64>) -> Self {
+        Self { over: over.into(), of_reading: false, unit: unit.into(), values }
+    }
+}
+
+fn variable(observations: &Observations, instance: &Instance, acts: &Correction) -> Variable {
     let (readings, mechanism) = (&observations.readings, &observations.mechanism);
     let rows = 0..readings.samples;
     let of_channel = |c: usize| {
         let name = &mechanism.channels[c];
         let values = rows.clone().map(|row| readings.row(row)[c]).collect();
-        (format!("reading of {}", name.name), name.unit.clone(), values)
+        Variable::of(format!("reading of {}", name.name), &name.unit, values)
     };
     let time = || match &readings.table.time {
-        Some(time) => ("time".to_owned(), "s".to_owned(), time.clone()),
+        Some(time) => Variable::of("time", "s", time.clone()),
         None => {
             let pose = rows.clone().map(|row| readings.pose[row] as f64 + 1.0).collect();
-            ("pose, in the order of the readings".to_owned(), String::new(), pose)
+            Variable::of("pose, in the order of the readings", "", pose)
         }
     };
     let channel = acts.channel.unwrap_or(0);
@@ -223,30 +244,24 @@ fn variable(
         (Placed::AtChannel, ..) => of_channel(instance.place),
         (_, Needs::Temperature, _) => {
             let values = readings.table.temperature.clone().unwrap_or_default();
-            ("temperature".into(), "°C".into(), values)
+            Variable::of("temperature", "°C", values)
         }
         (_, Needs::Approach, _) => {
             let values = by_block(&|block, lane| readings.approach(block)[channel].0[lane]);
-            (
-                format!("direction from which {} came", mechanism.channels[channel].name),
-                String::new(),
-                values,
-            )
+            let name = &mechanism.channels[channel].name;
+            Variable::of(format!("direction from which {name} came"), "", values)
         }
         (_, Needs::Motion, _) => {
             let values = by_block(&|block, lane| readings.velocity(block)[channel].0[lane]);
             let unit = &mechanism.channels[channel];
-            (format!("velocity of {}", unit.name), format!("{}/s", unit.unit), values)
+            Variable::of(format!("velocity of {}", unit.name), format!("{}/s", unit.unit), values)
         }
         (.., Acts::Load(_)) => {
             let torque = largest_as_one(&acts.law);
-            (
-                format!("torque at {}, of the largest", mechanism.channels[channel].name),
-                String::new(),
-                torque,
-            )
+            let name = &mechanism.channels[channel].name;
+            Variable::of(format!("torque at {name}, of the largest"), "", torque)
         }
-        _ if acts.channel.is_some() => of_channel(channel),
+        _ if acts.channel.is_some() => Variable { of_reading: true, ..of_channel(channel) },
         _ => time(),
     }
 }

@@ -63,6 +63,8 @@ pub struct EffectEvidence {
 pub struct Law {
     /// The variable: `reading of a22`, `time`.
     pub over: String,
+    /// True where that is the reading of the channel that the law corrects.
+    pub of_reading: bool,
     /// Unit of the variable.
     pub unit: String,
     /// Unit of the correction.
