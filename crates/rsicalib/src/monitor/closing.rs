@@ -80,7 +80,7 @@ impl Closing {
     }
 }
 
-/// The readings that are compared: of [`MOST`] poses at the most.
+/// The readings that are compared: of 200 poses at the most.
 #[derive(Debug)]
 pub struct SomePoses {
     table: Table,
@@ -126,7 +126,7 @@ impl SomePoses {
 ///
 /// # Errors
 ///
-/// As [`Readings::new`]; [`Error::Shape`] for a result or a covariance of another size.
+/// As [`crate::readings::Readings::new`]; [`Error::Shape`] for a result or a covariance of another size.
 pub fn closing(
     mechanism: &Mechanism,
     applied: &Applied,
