@@ -191,6 +191,21 @@ def test_sensors_all_too_steep_are_told_without_a_digest(
             assert command(VERBS[verb], tmp_path, capsys)[0] == code
 
 
+def test_a_sensor_that_is_not_as_noisy_as_a_result_without_a_digest_says_is_told(
+    result: dict[str, Any], tmp_path: Path
+) -> None:
+    """Poses weigh arms by the noise: 15 standard deviations, of which 100,000 edits had one."""
+    whole = {key: value for key, value in result.items() if key != "digest"}
+    sigma = {**whole["noise"]["sigma"], "a22": 8.5 * whole["noise"]["sigma"]["a22"]}
+    edited = {**whole, "noise": {**whole["noise"], "sigma": sigma}}
+    for table in (DEMO / "readings.csv", DEMO / "check.csv"):
+        with pytest.warns(OpenLoopsWarning, match="close better than the noise"):
+            rsicalib.forward(table, calibration=read(edited, tmp_path))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", OpenLoopsWarning)
+            rsicalib.forward(table, calibration=read(whole, tmp_path))
+
+
 def test_what_was_deleted_beside_the_digest_is_told(result: dict[str, Any], tmp_path: Path) -> None:
     bare = {k: v for k, v in result.items() if k not in ("digest", "misclosure")}
     with pytest.warns(OpenLoopsWarning, match="neither a `digest` nor the `misclosure`"):

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyBytes, PyDict};
 use pythonize::pythonize;
 use rsicalib::Error;
-use rsicalib::monitor::closing::{Closing, closing};
+use rsicalib::monitor::closing::{Closing, Scale, closing};
 use rsicalib::monitor::{Alarm, Monitor, MonitorOptions, Quiet};
 use rsicalib::report::words;
 
@@ -123,13 +123,14 @@ impl PyMonitor {
 type PyOpenLoops = (f64, Option<f64>, f64, String);
 
 /// Whether the loops of a table of readings are open under a result, beside the misclosure `own` of its own
-/// session: misclosure, that of the session, the probability of more by chance, and the same in words; none
-/// where they close, or where no row of the table tells that.
+/// session: misclosure, that of the session, the probability by chance, and the same in words; none
+/// where they close, or where no row of the table tells that. Loops that close better than the noise of the result
+/// lets them are told where nothing else says that the noise is as it was written.
 ///
 /// `edited`: whether the result's numbers were edited, where that is known.
 #[pyfunction]
 #[pyo3(signature = (mechanism, applied, table, covariance=None, *, source, own=None, edited=None,
-                    scale=1.0, dof=None))]
+                    scale=1.0, dof=None, correlation=0.0))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn open_loops(
     py: Python<'_>,
@@ -142,12 +143,18 @@ pub fn open_loops(
     edited: Option<bool>,
     scale: f64,
     dof: Option<f64>,
+    correlation: f64,
 ) -> PyResult<Option<PyOpenLoops>> {
-    let found = closed(py, mechanism, applied, table, covariance, (scale, dof))?;
-    Ok(found.and_then(|found| found.open(own)).map(|open| {
+    let scale = Scale { residual: scale, dof, correlation };
+    let found = closed(py, mechanism, applied, table, covariance, scale)?;
+    let Some(found) = found else { return Ok(None) };
+    if let Some(open) = found.open(own) {
         let text = words::open_loops(&mechanism.0, source, &open, edited);
-        (open.rms_misclosure, open.own, open.p_value, text)
-    }))
+        return Ok(Some((open.rms_misclosure, open.own, open.p_value, text)));
+    }
+    // What is as it was written is only of louder readings.
+    let quieter = (edited.is_none() && found.quieter()).then(|| words::quieter_loops(source));
+    Ok(quieter.map(|text| (found.rms_misclosure, own, found.p_quieter, text)))
 }
 
 /// What a result expects of the misclosure of a table of readings, where that is more than `own`, that of
@@ -162,7 +169,8 @@ pub fn expects_more(
     covariance: Option<PyReadonlyArray2<'_, f64>>,
     own: f64,
 ) -> PyResult<Option<f64>> {
-    let found = closed(py, mechanism, applied, table, covariance, (1.0, None))?;
+    let scale = Scale { residual: 1.0, dof: None, correlation: 0.0 };
+    let found = closed(py, mechanism, applied, table, covariance, scale)?;
     Ok(found.filter(|found| found.expects_more_than(own)).map(|found| found.expected_rms))
 }
 
@@ -172,11 +180,11 @@ fn closed(
     applied: PyApplied,
     table: PyTable<'_>,
     covariance: Option<PyReadonlyArray2<'_, f64>>,
-    (scale, dof): (f64, Option<f64>),
+    scale: Scale,
 ) -> PyResult<Option<Closing>> {
     let covariance: Option<Vec<f64>> = covariance.map(|c| c.as_array().iter().copied().collect());
     let (applied, readings) = (applied.into(), table.some_poses());
-    work(py, || closing(&mechanism.0, &applied, covariance.as_deref(), readings, scale, dof))?
+    work(py, || closing(&mechanism.0, &applied, covariance.as_deref(), readings, scale))?
         .map_err(|error| PyError::from(error).into())
 }
 

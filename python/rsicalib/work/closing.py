@@ -68,6 +68,7 @@ def open_loops(readings: Readings, mechanism: Mechanism, result: Result) -> Open
         edited=result.edited,
         scale=fit.chi2 / fit.dof if judged and fit.chi2 and fit.dof else 1.0,
         dof=noise.dof,
+        correlation=noise.correlation or 0.0,
     )
     return None if found is None else OpenLoops(*found)
 

@@ -17,11 +17,13 @@ use nalgebra::{DMatrix, DVector};
 use crate::Error;
 use crate::apply::earlier::{Applied, Under};
 use crate::estimate::on_closures::means_under;
+use crate::estimate::settle::Room;
 use crate::estimate::{Implicit, Part, Residuals};
 use crate::mechanism::Mechanism;
-use crate::model::Instance;
+use crate::model::{Instance, Want};
 use crate::monitor::thresholds::{as_chi2, log_tail};
 use crate::monitor::watched::internal_covariance;
+use crate::numerics::distributions::f_tail;
 use crate::readings::{Table, rows_of};
 use crate::terms::term::Needs;
 
@@ -38,6 +40,17 @@ const OPEN: f64 = 1e-6;
 /// which a joint moves a closure differ by less.
 const TIMES: f64 = 5.0;
 
+/// How large the noise of a result is.
+#[derive(Debug, Clone, Copy)]
+pub struct Scale {
+    /// Variance of its residual over that of its noise.
+    pub residual: f64,
+    /// Degrees of freedom of the noise; none where it was declared.
+    pub dof: Option<f64>,
+    /// Correlation of neighbouring samples.
+    pub correlation: f64,
+}
+
 /// How the loops close under a result.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -49,6 +62,9 @@ pub struct Closing {
     pub expected_rms: f64,
     /// Probability of more by chance, if the result holds.
     pub p_value: f64,
+    /// Probability of as little in the closure that closes best, if the noise of the result holds: a sensor that is
+    /// said to be noisier than it is hardly counts where poses come from.
+    pub p_quieter: f64,
 }
 
 /// Loops that do not close under a result as in its own session.
@@ -70,6 +86,12 @@ impl Closing {
         // What is not finite is not below anything.
         let closed = p_value >= OPEN && own.is_none_or(|own| rms_misclosure < TIMES * own);
         (!closed).then_some(OpenLoops { rms_misclosure, own, p_value })
+    }
+
+    /// True where a closure closes better than the noise of the result lets it.
+    #[must_use]
+    pub fn quieter(&self) -> bool {
+        self.p_quieter < OPEN
     }
 
     /// True where the noise of a result makes more of the loops than its own session had.
@@ -121,9 +143,6 @@ impl SomePoses {
 /// lack what a term needs, for terms that need the samples in between where only some of many are compared,
 /// and for shapes of a surface, whose extent is that of the session.
 ///
-/// `scale` is the variance of its residual over that of its noise, `dof` the degrees of freedom of
-/// the noise; none where it was declared.
-///
 /// # Errors
 ///
 /// As [`crate::readings::Readings::new`]; [`Error::Shape`] for a result or a covariance of another size.
@@ -132,8 +151,7 @@ pub fn closing(
     applied: &Applied,
     covariance: Option<&[f64]>,
     readings: SomePoses,
-    scale: f64,
-    dof: Option<f64>,
+    Scale { residual, dof, correlation }: Scale,
 ) -> Result<Option<Closing>, Error> {
     let SomePoses { table, whole } = readings;
     let mut under = match Under::new(mechanism, applied, table) {
@@ -148,6 +166,9 @@ pub fn closing(
         return Ok(None);
     }
     let beta = under.internal(&under.values);
+    let noise = under.noise.clone();
+    let part = Part { model: &under.model, readings: &under.readings, weights: None };
+    let samples = Loops::of(&Implicit::of(part, noise), &under, &beta, &used);
     let used = match under.readings.held {
         true => {
             average(mechanism, &mut under, &beta)?;
@@ -157,11 +178,11 @@ pub fn closing(
     };
     let part = Part { model: &under.model, readings: &under.readings, weights: None };
     let problem = Implicit::of(part, under.noise.clone());
-    let [rms_misclosure, expected_rms] = misclosures(&problem, &under, &beta, &used);
+    let [rms_misclosure, expected_rms] = Loops::of(&problem, &under, &beta, &used).rms();
     let prior = internal_covariance(&under, covariance)?;
     let (shift, left) = moved(&problem.residuals(&beta, true), &used, &prior);
     let tail = |statistic: f64, rank: usize| {
-        let statistic = statistic / scale.max(1.0);
+        let statistic = statistic / residual.max(1.0);
         let statistic = dof.map_or(statistic, |dof| as_chi2(statistic, dof));
         if statistic.is_finite() { log_tail(statistic, rank as f64).exp() } else { 0.0 }
     };
@@ -170,7 +191,9 @@ pub fn closing(
     let mut open: Vec<f64> = left.iter().zip(&used).map(|(w, row)| tail(*w, told(row))).collect();
     open.sort_by(f64::total_cmp);
     let p_value = (2.0 * shifted.min(open[open.len() / 2])).min(1.0);
-    Ok(Some(Closing { rms_misclosure, expected_rms, p_value }))
+    let independent = ((1.0 - correlation) / (1.0 + correlation)).clamp(0.0, 1.0);
+    let p_quieter = samples.p_quieter(residual.min(1.0), independent, dof);
+    Ok(Some(Closing { rms_misclosure, expected_rms, p_value, p_quieter }))
 }
 
 /// Takes the mean of each pose for its samples.
@@ -208,26 +231,75 @@ fn compared(under: &Under) -> Vec<usize> {
     used
 }
 
-/// Misclosure of the raw readings of some rows and what the noise makes of it, root mean squares in units
-/// of length.
-fn misclosures(problem: &Implicit<'_>, under: &Under, beta: &[f64], used: &[usize]) -> [f64; 2] {
-    let Under { model, readings, .. } = under;
-    let lengths = model.lengths();
-    let counts = |row: usize| used.binary_search(&row).is_ok();
-    let misfit = problem.misfit(beta, counts);
-    let expected = problem.over_blocks(
-        beta,
-        counts,
-        |sum: &mut f64, block, room| {
+/// What some rows leave open of each equation, and what the noise makes of it, in units of length.
+#[derive(Debug, Clone, Default)]
+struct Loops {
+    /// Squares of the misclosure, and variances, summed over the rows in which the equation holds.
+    sums: Vec<[f64; 2]>,
+    /// Rows in which it holds.
+    rows: Vec<usize>,
+    /// Whether the samples of a pose share a draw of its noise.
+    shared: Vec<bool>,
+}
+
+impl Loops {
+    fn of(problem: &Implicit<'_>, under: &Under, beta: &[f64], used: &[usize]) -> Self {
+        let Under { model, readings, .. } = under;
+        let lengths = model.lengths();
+        let numbers = model.closures.iter().flat_map(|c| vec![c.number; c.equations()]);
+        let numbers: Vec<usize> = numbers.collect();
+        let counts = |row: usize| used.binary_search(&row).is_ok();
+        let look = |sums: &mut Vec<[f64; 2]>, block: usize, room: &mut Room| {
+            sums.resize(numbers.len(), [0.0; 2]);
             let meta = &readings.blocks()[block];
-            for lane in (0..meta.live).filter(|&lane| counts(meta.rows[lane])) {
-                let variances = room.variances().into_iter().zip(&lengths);
-                *sum += variances.map(|(v, length)| v.0[lane] * length * length).sum::<f64>();
+            let rows = (0..meta.live).map(|lane| (lane, meta.rows[lane]));
+            let variances = room.variances();
+            let bare = Want { x: false, a: false };
+            model.evaluate(readings, block, readings.raw(block), beta, bare, &mut room.ws);
+            for (lane, row) in rows.filter(|(_, row)| counts(*row)) {
+                for (e, sum) in sums.iter_mut().enumerate() {
+                    if readings.holding.holds(row, numbers[e]) {
+                        sum[0] += (room.ws.f[e].0[lane] * lengths[e]).powi(2);
+                        sum[1] += variances[e].0[lane] * lengths[e] * lengths[e];
+                    }
+                }
             }
-        },
-        |sum, more| *sum += more,
-    );
-    [misfit.square, expected].map(|sum| (sum / misfit.misclosures.max(1.0)).sqrt())
+        };
+        let sums = problem.over_blocks(beta, counts, look, |all: &mut Vec<[f64; 2]>, part| {
+            all.resize(numbers.len(), [0.0; 2]);
+            all.iter_mut().zip(part).for_each(|(sum, more)| (0..2).for_each(|k| sum[k] += more[k]));
+        });
+        let held = |number: &usize| {
+            used.iter().filter(|row| readings.holding.holds(**row, *number)).count()
+        };
+        let play = under.noise.of_closures(model).of_seating;
+        Self {
+            sums,
+            rows: numbers.iter().map(held).collect(),
+            shared: play.iter().map(|v| *v > 0.0).collect(),
+        }
+    }
+
+    /// Root mean squares of the misclosure, and of what the noise makes of it.
+    fn rms(&self) -> [f64; 2] {
+        let rows = self.rows.iter().sum::<usize>().max(1) as f64;
+        let rms = |k: usize| (self.sums.iter().map(|sum| sum[k]).sum::<f64>() / rows).sqrt();
+        [rms(0), rms(1)]
+    }
+
+    /// Probability that one of the equations closes as well as the best of them beside its noise, which is
+    /// known by so many degrees of freedom, where this share of the samples is independent.
+    ///
+    /// Closures that sit with play are left out: their samples are one draw.
+    fn p_quieter(&self, scale: f64, independent: f64, dof: Option<f64>) -> f64 {
+        let own = (0..self.sums.len()).filter(|e| !self.shared[*e]);
+        let chance = |e: usize| {
+            let ([square, variance], count) = (self.sums[e], self.rows[e] as f64 * independent);
+            1.0 - f_tail(square / (variance * scale), count, dof.unwrap_or(f64::INFINITY))
+        };
+        let tests = own.clone().count().max(1) as f64;
+        (own.map(chance).fold(1.0, f64::min) * tests).min(1.0)
+    }
 }
 
 /// How far readings move the estimate of a result, in units of its own uncertainty.

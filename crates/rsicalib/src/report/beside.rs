@@ -8,7 +8,7 @@ use crate::diagnosis::verdict::{Compared, Determined};
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
-use crate::monitor::closing::{OpenLoops, SomePoses, closing};
+use crate::monitor::closing::{OpenLoops, Scale, SomePoses, closing};
 use crate::readings::{Table, runs_of_poses};
 use crate::report::named::Named;
 use crate::report::result::{Estimates, FitReport, Known, parameters};
@@ -122,9 +122,14 @@ impl Beside {
             return Ok(None);
         }
         let mechanism = &observations.mechanism;
-        let (scale, dof) = (fit.chi2 / fit.dof.max(1.0), estimates.noise.dof);
+        let noise = &estimates.noise;
+        let scale = Scale {
+            residual: fit.chi2 / fit.dof.max(1.0),
+            dof: noise.dof,
+            correlation: noise.correlation.unwrap_or(0.0),
+        };
         let readings = SomePoses::of_table(table, mechanism.channels.len());
-        let found = closing(mechanism, &applied, Some(&covariance), readings, scale, dof)?;
+        let found = closing(mechanism, &applied, Some(&covariance), readings, scale)?;
         Ok(found.and_then(|found| found.open(estimates.misclosure.whole())))
     }
 

@@ -119,6 +119,16 @@ pub fn open_loops(
     )
 }
 
+/// That loops close too well for a result without a digest.
+#[must_use]
+pub fn quieter_loops(source: &str) -> String {
+    format!(
+        "loops of {source} close better than the noise of this result lets them, and it has no `digest` that says \
+         whether its noise is as it was written: poses come from it, too. The noise was edited, or these readings are \
+         means of many: identify again"
+    )
+}
+
 /// How known poses were misread, and what to do.
 #[must_use]
 pub fn misread(misread: Misread, length_unit: &str) -> String {
