@@ -6,6 +6,7 @@ use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::isolation::{Isolated, belongs, isolate, isolated_at};
 use crate::diagnosis::options::Rule;
 use crate::diagnosis::plausibility::absurdities;
+use crate::diagnosis::price;
 use crate::diagnosis::score::scored::{self, Scored, excluded_pose, is_data};
 use crate::diagnosis::search::account::Account;
 use crate::diagnosis::search::beam::Beam;
@@ -146,24 +147,28 @@ impl Beam<'_, '_> {
                 && excluded_pose(&new.instance).is_none()
                 && !others.iter().any(|other| self.overlap(&new.instance, other))
                 && (new.instance == own || !one_order(&best.fit, &new.instance, &own));
-            fits.then_some((account, new.instance))
+            fits.then_some((account, new))
         });
-        let instead: Vec<(&Account, Instance)> = instead.collect();
-        let of_targets = instead.iter().map(|(account, i)| (-account.price, i.target));
+        let instead: Vec<(&Account, &Scored)> = instead.collect();
+        let of_targets = instead.iter().map(|(account, s)| (-account.price, s.instance.target));
         let blame = Blame::among(of_targets, &self.averaged.small.mechanism);
-        let mut near: Vec<_> = instead
+        // What poses cannot tell is asked of them alone, not of how common it is.
+        let of_poses = |account: &Account, s: &Scored| account.price - price::of_places(s.places);
+        let limit = of_poses(best, item) + AS_WELL;
+        let mut near: Vec<(f64, &Account, Instance)> = instead
             .iter()
-            .filter(|(account, i)| account.price < best.price + AS_WELL && *i != own)
+            .map(|(account, s)| (of_poses(account, s), *account, s.instance))
+            .filter(|(said, _, i)| *said < limit && *i != own)
             .collect();
-        near.sort_by(|a, b| a.0.price.total_cmp(&b.0.price));
-        let mut also: Vec<Instance> = near.iter().map(|(_, i)| *i).collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut also: Vec<Instance> = near.iter().map(|(.., i)| *i).collect();
         for other in self.across_surfaces(best, item) {
             if !also.contains(&other) {
                 also.push(other);
             }
         }
-        let laws = near.iter().filter(|(_, i)| i.target == own.target);
-        let laws = laws.map(|(a, i)| (*i, a.fit.model.clone(), a.fit.beta.clone())).collect();
+        let laws = near.iter().filter(|(.., i)| i.target == own.target);
+        let laws = laws.map(|(_, a, i)| (*i, a.fit.model.clone(), a.fit.beta.clone())).collect();
         let fit = of.map(|of| of.fit.clone());
         Ok(Beside { also, blame, all, laws, fit })
     }
