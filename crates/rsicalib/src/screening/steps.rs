@@ -1,5 +1,6 @@
 //! Sums over the rows from one on, to score what moved at that row.
 
+use faer::linalg::solvers::Llt;
 use faer::{Mat, Side};
 
 use crate::estimate::at_fit::add_scaled;
@@ -83,5 +84,27 @@ impl StepSums {
         }
         let by = moved.iter().map(|m| m * m).sum::<f64>().sqrt();
         (rank > 0).then_some(StepScore { score, rank, by })
+    }
+
+    /// In how many directions the rows tell of a move that is so large where they tell most, and elsewhere as these
+    /// typical sizes say, `T`: all count where each is told as well, and what hardly shows does not.
+    ///
+    /// ```text
+    /// k = ln |1 + g R| / ln(1 + g),    R = T S T / max diag(T S T),    S = ZᵀZ - (QᵀZ)ᵀ QᵀZ       (153)
+    /// ```
+    #[must_use]
+    pub fn directions(&self, typical: &[f64], g: f64) -> f64 {
+        let columns = typical.len();
+        let absorbed = self.qz.transpose() * &self.qz;
+        let told =
+            |i: usize, j: usize| (self.zz[(i, j)] - absorbed[(i, j)]) * typical[i] * typical[j];
+        let most = (0..columns).map(|i| told(i, i)).fold(f64::MIN_POSITIVE, f64::max);
+        let square = Mat::from_fn(columns, columns, |i, j| {
+            f64::from(u8::from(i == j)) + g * told(i, j) / most
+        });
+        let all = columns as f64;
+        let Ok(factor) = Llt::new(square.as_ref(), Side::Lower) else { return all };
+        let volume: f64 = (0..columns).map(|i| 2.0 * factor.L()[(i, i)].ln()).sum();
+        (volume / g.ln_1p()).clamp(1.0, all)
     }
 }

@@ -10,9 +10,9 @@ use crate::estimate::at_fit::AtFit;
 use crate::estimate::{Fit, Implicit, Observations, Part, carry_over};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
-use crate::screening::steps::{SIDE, StepSums};
+use crate::screening::steps::{SIDE, StepScore, StepSums};
 use crate::terms;
-use crate::terms::targets::{searchable, targets_in};
+use crate::terms::targets::{self, searchable, targets_in};
 use crate::terms::term::{Acts, Placed, Spot, Term};
 
 /// Equations on either side of a move for each of its columns: of fewer, a few wrong readings look
@@ -103,20 +103,24 @@ impl<'a> Bodies<'a> {
     pub fn score(&self, judge: &Judge) -> Vec<Scored> {
         let all: Vec<_> = (0..self.bodies.len()).flat_map(|body| self.moves(body)).collect();
         let tests = all.len() as f64;
-        let of = |(instance, score, width): (Instance, f64, f64)| {
+        let of = |(instance, StepScore { score, rank, .. }, told): (Instance, StepScore, f64)| {
+            let width = rank as f64;
             let p_value = judge.p_value(score, width);
-            Scored::of(instance, Family::Moved, score, width, p_value, tests)
+            let one = Scored::of(instance, Family::Moved, score, width, p_value, tests);
+            one.told_in(told.min(width))
         };
         all.into_iter().map(of).collect()
     }
 
-    /// Score and rank of one body's moves.
-    fn moves(&self, body: usize) -> Vec<(Instance, f64, f64)> {
+    /// One body's moves, each with its score and the directions that the rows tell of it.
+    fn moves(&self, body: usize) -> Vec<(Instance, StepScore, f64)> {
         let Observations { readings, weights, .. } = self.at.observations;
         let (extra, first) = (self.bodies[body].width(), self.first[body]);
         // What moves at a closure shows in its equations alone.
         let (model, mechanism) = (&self.at.fit.model, &self.at.observations.mechanism);
-        let own = mechanism.closures_of(self.bodies[body].target);
+        let Instance { term, target, .. } = self.bodies[body];
+        let typical = targets::typical(mechanism, term, target);
+        let own = mechanism.closures_of(target);
         let own: usize = own.map(|closure| model.equations_of(closure)).sum();
         let k = if own > 0 { own } else { self.at.residuals.equations };
         let poses = readings.rows_of_poses();
@@ -150,8 +154,10 @@ impl<'a> Bodies<'a> {
             let instance = Instance { place: pose, ..self.bodies[body] };
             if both_sides && order % stride == 0 && !self.at.fit.model.instances.contains(&instance)
             {
-                let scored = sums.score(&self.at.pull);
-                found.extend(scored.map(|s| (instance, s.score, s.rank as f64)));
+                let Some(scored) = sums.score(&self.at.pull) else { continue };
+                let times = (scored.score / scored.rank as f64).max(1.0);
+                let told = sums.directions(&typical, times);
+                found.push((instance, scored, told));
             }
         }
         found

@@ -22,6 +22,8 @@ pub struct Scored {
     pub score: f64,
     /// Its degrees of freedom.
     pub width: f64,
+    /// Those that are paid for: what hardly shows costs nothing.
+    pub told: f64,
     /// Probability of a larger score by chance, this candidate alone.
     pub p_value: f64,
     /// Places looked at in its family, over the prior of the family.
@@ -43,7 +45,12 @@ impl Scored {
     ) -> Self {
         let places = tests / prior(family);
         let (corrected, charge) = (p_value * places, price::charge(width, score));
-        Self { instance, family, score, width, p_value, places, corrected, charge }
+        Self { instance, family, score, width, told: width, p_value, places, corrected, charge }
+    }
+
+    /// The same where readings tell so many directions of it.
+    pub(crate) fn told_in(self, told: f64) -> Self {
+        Self { told, charge: price::charge(told, self.score), ..self }
     }
 
     /// The same with the probability of its score.

@@ -6,7 +6,7 @@ use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::isolation::{Isolated, belongs, isolate, isolated_at};
 use crate::diagnosis::options::Rule;
 use crate::diagnosis::plausibility::absurdities;
-use crate::diagnosis::price;
+use crate::diagnosis::price::prior;
 use crate::diagnosis::score::scored::{self, Scored, excluded_pose, is_data};
 use crate::diagnosis::search::account::Account;
 use crate::diagnosis::search::beam::Beam;
@@ -152,23 +152,26 @@ impl Beam<'_, '_> {
         let instead: Vec<(&Account, &Scored)> = instead.collect();
         let of_targets = instead.iter().map(|(account, s)| (-account.price, s.instance.target));
         let blame = Blame::among(of_targets, &self.averaged.small.mechanism);
-        // What poses cannot tell is asked of them alone, not of how common it is.
-        let of_poses = |account: &Account, s: &Scored| account.price - price::of_places(s.places);
-        let limit = of_poses(best, item) + AS_WELL;
-        let mut near: Vec<(f64, &Account, Instance)> = instead
+        // What poses cannot tell rests on no opinion of which kind is more common: with ours, or with none.
+        let alike = |account: &Account, s: &Scored| account.price + 2.0 * prior(s.family).ln();
+        let limits = [best.price, alike(best, item)].map(|price| price + AS_WELL);
+        let as_well = |(account, s): &(&Account, &Scored)| {
+            account.price < limits[0] || alike(account, s) < limits[1]
+        };
+        let mut near: Vec<(&Account, Instance)> = instead
             .iter()
-            .map(|(account, s)| (of_poses(account, s), *account, s.instance))
-            .filter(|(said, _, i)| *said < limit && *i != own)
+            .filter(|one| as_well(one) && one.1.instance != own)
+            .map(|(account, s)| (*account, s.instance))
             .collect();
-        near.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut also: Vec<Instance> = near.iter().map(|(.., i)| *i).collect();
+        near.sort_by(|a, b| a.0.price.total_cmp(&b.0.price));
+        let mut also: Vec<Instance> = near.iter().map(|(_, i)| *i).collect();
         for other in self.across_surfaces(best, item) {
             if !also.contains(&other) {
                 also.push(other);
             }
         }
-        let laws = near.iter().filter(|(.., i)| i.target == own.target);
-        let laws = laws.map(|(_, a, i)| (*i, a.fit.model.clone(), a.fit.beta.clone())).collect();
+        let laws = near.iter().filter(|(_, i)| i.target == own.target);
+        let laws = laws.map(|(a, i)| (*i, a.fit.model.clone(), a.fit.beta.clone())).collect();
         let fit = of.map(|of| of.fit.clone());
         Ok(Beside { also, blame, all, laws, fit })
     }

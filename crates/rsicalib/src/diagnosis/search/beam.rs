@@ -105,6 +105,6 @@ impl Beam<'_, '_> {
 pub(super) fn charge_of(scored: &Scored, beside: &Said) -> f64 {
     match scored.family {
         Family::Free => scored.charge,
-        _ => charge(scored.width, beside.fall(scored.score)),
+        _ => charge(scored.told, beside.fall(scored.score)),
     }
 }
