@@ -163,12 +163,6 @@ impl<'a> Averaged<'a> {
         self.scans.lock().unwrap_or_else(PoisonError::into_inner).scan(&self.small, fit, new)
     }
 
-    /// The poses that count, in their order; one may come more than once.
-    pub(crate) fn live_poses(&self) -> impl Iterator<Item = usize> {
-        let rows = self.small.readings.pose.iter().zip(&self.counts);
-        rows.filter(|(_, weight)| **weight > 0.0).map(|(pose, _)| *pose)
-    }
-
     /// The session with all poses.
     pub fn all(&self) -> Observations {
         Observations { weights: self.counts.clone(), ..self.small.clone() }
@@ -194,13 +188,6 @@ impl<'a> Averaged<'a> {
         Ok(())
     }
 
-    /// The fit with more effects.
-    pub(crate) fn with(&self, current: &Fit, more: &[Instance]) -> Result<Fit, Error> {
-        let mut instances = current.model.instances.clone();
-        instances.extend(more);
-        fit(&self.small, instances, Some(current))
-    }
-
     /// The fit without some of its effects.
     pub fn without(&self, current: &Fit, gone: &[Instance]) -> Result<Fit, Error> {
         let kept = current.model.instances.iter().copied().filter(|i| !gone.contains(i));
@@ -209,13 +196,7 @@ impl<'a> Averaged<'a> {
 
     /// What readings say of a fit, and of those beside it.
     pub(crate) fn said(&self, fit: &Fit) -> Said {
-        let larger_noise = self.search.uses(Rule::LargerNoise);
-        Said { data: self.data, chi2: cost(fit), larger_noise }
-    }
-
-    /// What readings say of an explanation with this χ².
-    pub(crate) fn data_of(&self, chi2: f64) -> f64 {
-        self.data.of(chi2)
+        Said { data: self.data, chi2: cost(fit) }
     }
 
     /// What readings say of a fit.

@@ -71,16 +71,10 @@ rules! {
     UnknownNoise = "unknown_noise",
     /// Two effects for one or two, or none.
     FindPairs = "find_pairs",
-    /// What may stand in place of an item is scored at the fit with it, too.
-    Instead = "instead",
     /// Two wrong readings in one move.
     TwoWrong = "two_wrong",
-    /// What happened once needs poses that are not wrong before and after it.
-    BothSides = "both_sides",
     /// What chains share is nothing beside the same of one of them.
     Parts = "parts",
-    /// A residual may say that noise is larger than it is known.
-    LargerNoise = "larger_noise",
     /// An error of a surface is in the tie of one of the arm, whatever else is exchanged.
     AcrossSurfaces = "across_surfaces",
     /// Isolation of a single fault.
@@ -97,8 +91,6 @@ rules! {
     Bound = "bound",
     /// Joints as they are drawn, where errors of a surface explain as much.
     AsDrawn = "as_drawn",
-    /// Errors of a surface beside small errors of everything drawn.
-    Tolerances = "tolerances",
 }
 
 pub use crate::estimate::significance::{CLEAN, LEVEL};

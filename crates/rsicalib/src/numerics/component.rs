@@ -76,14 +76,6 @@ impl Contrasts {
         self.chi2 - taken.sum::<f64>()
     }
 
-    /// The least of what data say of `χ² - R` and of `Σ ln(1 + λ c)`, of effects no larger than their
-    /// typical sizes.
-    pub(crate) fn likeliest(&self, data: impl Fn(f64) -> f64) -> f64 {
-        let tried = self.ratios().unwrap_or_default().into_iter().map(|[ratio, _]| ratio * ratio);
-        let costs = tried.map(|lambda| data(self.left(lambda)) + self.volume(lambda));
-        costs.fold(data(self.chi2), f64::min)
-    }
-
     /// `Σ ln(1 + λ c)`.
     fn volume(&self, lambda: f64) -> f64 {
         self.pairs.iter().map(|[c, _]| (lambda * c).ln_1p()).sum()
@@ -200,11 +192,6 @@ mod tests {
         }
         // They differ by a constant: what X alone gives.
         assert!(differences.iter().all(|d| (d - differences[0]).abs() < 1e-9), "{differences:?}");
-        // Beside a noise that is known, the least over all sizes up to the typical ones.
-        let of = |tau: f64| plain(&x, &z, &y, [tau, 1.0]) - plain(&x, &z, &y, [0.0, 1.0]);
-        let witness = (0..=2000).map(|k| of(f64::from(k) / 2000.0)).fold(f64::INFINITY, f64::min);
-        let least = found.likeliest(|chi2| chi2) - r.norm_squared();
-        assert!((least - witness).abs() < 1e-3 * (1.0 + witness.abs()), "{least} for {witness}");
         let component = found.component().expect("seen");
         let [low, high] = component.interval;
         assert!(low <= component.sd && component.sd <= high);

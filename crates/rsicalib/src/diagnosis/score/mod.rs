@@ -2,7 +2,6 @@
 
 pub mod bodies;
 pub mod candidates;
-pub mod instead;
 pub mod pairs;
 pub mod periodic;
 pub mod places;

@@ -26,17 +26,15 @@ pub struct Account {
     pub paired: bool,
     /// Moves of its own were made.
     pub moved: bool,
-    /// What stands in place of so many of its items was looked for at its fit.
-    pub replaced: usize,
     /// Noise that nobody knows of was looked for beside it.
     pub noised: bool,
 }
 
 impl Account {
     pub fn of(items: Vec<Scored>, noise: Option<UnknownNoise>, fit: Fit, price: f64) -> Self {
-        let (scored, tried, replaced, noised) = (None, 0, 0, noise.is_some());
+        let (scored, tried, noised) = (None, 0, noise.is_some());
         let (admitted, paired, moved) = (true, false, false);
-        Self { items, noise, fit, price, admitted, scored, tried, paired, moved, replaced, noised }
+        Self { items, noise, fit, price, admitted, scored, tried, paired, moved, noised }
     }
 
     /// What one more item costs.

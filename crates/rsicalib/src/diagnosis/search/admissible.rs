@@ -2,8 +2,6 @@
 
 use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::options::Rule;
-use crate::diagnosis::score::places::POSES_EACH_SIDE;
-use crate::diagnosis::score::scored::{Scored, is_data};
 use crate::estimate::Fit;
 use crate::estimate::search::ratios;
 use crate::model::Instance;
@@ -46,22 +44,6 @@ fn opened(before: &Fit, after: &Fit) -> bool {
 }
 
 impl Averaged<'_> {
-    /// True where enough poses, none of which is wrong, stand on either side of everything that is said
-    /// to have happened at one time.
-    pub(super) fn on_both_sides(&self, items: &[Scored]) -> bool {
-        if !self.search.uses(Rule::BothSides) {
-            return true;
-        }
-        let wrong = |pose: usize| {
-            items.iter().any(|item| is_data(&item.instance) && item.instance.place == pose)
-        };
-        let mut sound: Vec<usize> = self.live_poses().filter(|pose| !wrong(*pose)).collect();
-        sound.dedup();
-        let once = items.iter().filter(|item| item.family.happened_once());
-        once.map(|item| sound.iter().filter(|pose| **pose < item.instance.place).count())
-            .all(|before| before.min(sound.len() - before) as f64 > POSES_EACH_SIDE)
-    }
-
     /// True for a fit with more effects than another, in which every joint still moves, and about
     /// as much for its readings, and the loops close as well as before.
     pub(crate) fn sensible(&self, before: &Fit, after: &Fit) -> bool {

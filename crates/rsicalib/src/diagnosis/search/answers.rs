@@ -6,14 +6,13 @@ use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::isolation::{Isolated, belongs, isolate, isolated_at};
 use crate::diagnosis::options::Rule;
 use crate::diagnosis::plausibility::absurdities;
-use crate::diagnosis::price::prior;
+use crate::diagnosis::price::{Family, prior};
 use crate::diagnosis::score::scored::{self, Scored, excluded_pose, is_data};
 use crate::diagnosis::search::account::Account;
 use crate::diagnosis::search::beam::Beam;
 use crate::diagnosis::search::orders::one_order;
 use crate::diagnosis::search::outcome::{FoundEffect, Searched};
 use crate::diagnosis::search::rivals::{Explanation, nearest};
-use crate::diagnosis::search::tolerances::{is_drawn, is_of_surface};
 use crate::estimate::progress::Stage;
 use crate::estimate::{Fit, fit};
 use crate::mechanism::Target;
@@ -21,6 +20,7 @@ use crate::model::Instance;
 use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::workers;
 use crate::screening::blame::Blame;
+use crate::terms::term::{Acts, Class};
 
 /// The search, and once more where the declared noise is a bound by what it found.
 ///
@@ -100,12 +100,7 @@ fn steps(
     refitted: bool,
 ) -> Result<Vec<FoundEffect>, Error> {
     let one = |(index, beside): (usize, Beside)| -> Result<FoundEffect, Error> {
-        let (scored, Beside { mut also, blame, all, laws, fit }) = (found[index], beside);
-        for one in averaged.beside_tolerances(current, found, index, &all)? {
-            if !also.contains(&one.instance) {
-                also.push(one.instance);
-            }
-        }
+        let (scored, Beside { also, blame, all, laws, fit }) = (found[index], beside);
         let without = match fit.filter(|_| !refitted) {
             Some(fit) => fit,
             None => averaged.without(current, &[scored.instance])?,
@@ -232,4 +227,17 @@ impl Beam<'_, '_> {
 /// Bad readings are rivals of bad readings of the same pose, effects of effects.
 fn same_kind(a: &Instance, b: &Instance) -> bool {
     is_data(a) == is_data(b) && (!is_data(a) || a.place == b.place)
+}
+
+/// True for a lasting error of one thing that is drawn.
+fn is_drawn(scored: &Scored) -> bool {
+    let info = scored.instance.term.info();
+    let drawn = matches!(info.class, Class::Sensor | Class::Geometry);
+    drawn && scored.family == Family::Named
+}
+
+/// True for a lasting error of a surface.
+fn is_of_surface(scored: &Scored) -> bool {
+    let surface = matches!(scored.instance.term.acts(), Acts::Surface(_));
+    surface && scored.family == Family::Named
 }

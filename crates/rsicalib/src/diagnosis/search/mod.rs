@@ -16,12 +16,10 @@ mod noise;
 mod orders;
 pub mod outcome;
 pub mod rivals;
-mod tolerances;
 mod yielding;
 
 use crate::Error;
 use crate::diagnosis::averaged::{Averaged, cost};
-use crate::diagnosis::options::Rule;
 use crate::diagnosis::plausibility::{Absurdity, absurdities};
 use crate::diagnosis::score::scored::is_data;
 use crate::diagnosis::search::account::Account;
@@ -44,8 +42,6 @@ enum Next {
     Noise(usize),
     /// Others in place of what was taken away, below a price.
     Around(usize, f64),
-    /// Others in place of an item, by their scores beside it.
-    Instead(usize),
     /// Two in place of what was taken away, beside the likeliest of this price.
     Pairs(usize, f64),
 }
@@ -71,7 +67,6 @@ impl<'s, 'a> Beam<'s, 'a> {
                 Next::Own(of) => beam.moves_of(of)?,
                 Next::Noise(of) => beam.noise_beside(of)?,
                 Next::Around(of, limit) => beam.grow(of, limit)?,
-                Next::Instead(of) => beam.replace(of)?,
                 Next::Pairs(of, best) => beam.pair(of, best)?,
             }
         }
@@ -145,10 +140,6 @@ impl<'s, 'a> Beam<'s, 'a> {
                 if self.open(of, best + RIVAL) {
                     return Ok(Some(Next::Around(of, best + RIVAL)));
                 }
-            }
-            let instead = self.averaged.search.uses(Rule::Instead);
-            if rank == 0 && instead && self.accounts[k].replaced < items {
-                return Ok(Some(Next::Instead(k)));
             }
             if rank > 0 || items > FEW {
                 continue;

@@ -4,9 +4,8 @@ use std::borrow::Cow;
 
 use crate::Error;
 use crate::diagnosis::options::Rule;
-use crate::diagnosis::price::{Family, charge, room};
-use crate::diagnosis::score::instead::instead;
-use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data, paid};
+use crate::diagnosis::price::charge;
+use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data};
 use crate::diagnosis::score::{candidates, pairs};
 use crate::diagnosis::search::account::{Account, More};
 use crate::diagnosis::search::admissible::physical;
@@ -133,38 +132,6 @@ impl Beam<'_, '_> {
         Ok(())
     }
 
-    /// Puts others in place of the next item of an explanation, (119).
-    pub(super) fn replace(&mut self, of: usize) -> Result<(), Error> {
-        let account = &self.accounts[of];
-        let gone = account.replaced;
-        let own = account.items[gone];
-        let rest: Vec<Scored> =
-            account.items.iter().filter(|s| s.instance != own.instance).copied().collect();
-        self.accounts[of].replaced += 1;
-        if own.family != Family::Named {
-            return Ok(());
-        }
-        let account = &self.accounts[of];
-        let session = self.session(&account.items, account.noise.as_ref());
-        let (judge, left_out) = (self.averaged.judge(&account.fit), &self.averaged.search.without);
-        let (rise, mut scored) = instead(&session, &account.fit, &own.instance, &judge, left_out)?;
-        drop(session);
-        let limit = account.price + RIVAL;
-        let said = self.averaged.said(&account.fit).raised(rise);
-        scored.iter_mut().for_each(|s| s.charge = charge_of(s, &said));
-        let at_best = |s: &Scored| {
-            let left = (said.chi2 - s.score - room(s.score)).max(0.0);
-            let items = [&rest[..], &[*s]].concat();
-            let noise = account.noise.map_or(0.0, |noise| noise.paid_beside(&items));
-            self.averaged.data_of(left) + paid(&items) + noise
-        };
-        scored.retain(|s| at_best(s) < limit);
-        scored.sort_by(|a, b| at_best(a).total_cmp(&at_best(b)));
-        let likely = scored.into_iter().take(MOST_REFITS).map(|s| More::Items(vec![s])).collect();
-        let without = self.without(of, &[gone])?;
-        self.add(without, likely)
-    }
-
     /// Noise that nobody knows of beside an explanation.
     pub(super) fn noise_beside(&mut self, of: usize) -> Result<(), Error> {
         self.accounts[of].noised = true;
@@ -225,7 +192,6 @@ impl Beam<'_, '_> {
     /// True for items that physics admits beside each other.
     pub(super) fn admits(&self, items: &[Scored], fitted: &Fit) -> bool {
         items.iter().all(|item| physical(fitted, &item.instance))
-            && self.averaged.on_both_sides(items)
             && (self.shared_and_own(items).is_none() || !self.averaged.search.uses(Rule::Parts))
     }
 
