@@ -196,7 +196,8 @@ impl<'a> Averaged<'a> {
 
     /// What readings say of a fit, and of those beside it.
     pub(crate) fn said(&self, fit: &Fit) -> Said {
-        Said { data: self.data, chi2: cost(fit) }
+        let larger_noise = self.search.uses(Rule::LargerNoise);
+        Said { data: self.data, chi2: cost(fit), larger_noise }
     }
 
     /// What readings say of a fit.

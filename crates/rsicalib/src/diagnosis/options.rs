@@ -75,6 +75,8 @@ rules! {
     TwoWrong = "two_wrong",
     /// What chains share is nothing beside the same of one of them.
     Parts = "parts",
+    /// A residual may say that noise is larger than it is known.
+    LargerNoise = "larger_noise",
     /// An error of a surface is in the tie of one of the arm, whatever else is exchanged.
     AcrossSurfaces = "across_surfaces",
     /// Isolation of a single fault.

@@ -165,6 +165,17 @@ impl Data {
         }
     }
 
+    /// By how much that falls for each unit of χ²: the variance of the noise over what it may really be.
+    fn slope(&self, chi2: f64) -> f64 {
+        let d = self.dof.max(1.0);
+        match self.scale {
+            Scale::Known(nu) if nu.is_finite() => (nu + d) / (nu + chi2),
+            Scale::Declared | Scale::Bound if chi2 > d => d / chi2,
+            Scale::Known(_) | Scale::Declared | Scale::Bound => 1.0,
+            Scale::Fitted => d / chi2.max(f64::MIN_POSITIVE),
+        }
+    }
+
     /// By how much that falls where χ² does by a score.
     #[must_use]
     pub fn fall(&self, chi2: f64, score: f64) -> f64 {
@@ -179,6 +190,8 @@ pub struct Said {
     pub data: Data,
     /// Its χ².
     pub chi2: f64,
+    /// Whether the noise may be larger than it is known.
+    pub larger_noise: bool,
 }
 
 impl Said {
@@ -186,6 +199,15 @@ impl Said {
     #[must_use]
     pub fn fall(&self, score: f64) -> f64 {
         self.data.fall(self.chi2, score)
+    }
+
+    /// The variance of the noise over what it may really be, were so much of χ² explained.
+    #[must_use]
+    pub fn scale(&self, score: f64) -> f64 {
+        match self.larger_noise {
+            true => self.data.slope((self.chi2 - score).max(0.0)),
+            false => 1.0,
+        }
     }
 }
 

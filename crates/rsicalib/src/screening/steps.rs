@@ -1,6 +1,6 @@
 //! Sums over the rows from one on, to score what moved at that row.
 
-use faer::linalg::solvers::Llt;
+use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, Side};
 
 use crate::estimate::at_fit::add_scaled;
@@ -86,15 +86,21 @@ impl StepSums {
         (rank > 0).then_some(StepScore { score, rank, by })
     }
 
-    /// In how many directions the rows tell of a move that is so large where they tell most, and elsewhere as these
-    /// typical sizes say, `T`: all count where each is told as well, and what hardly shows does not.
+    /// What a move with this score costs, in directions that are told as well as the best one, where its
+    /// components are as large among each other as these typical sizes, `T`: what hardly shows costs
+    /// little, and what a move explains by that is given back.
     ///
     /// ```text
-    /// k = ln |1 + g R| / ln(1 + g),    R = T S T / max diag(T S T),    S = ZᵀZ - (QᵀZ)ᵀ QᵀZ       (153)
+    /// k ln(1 + g) + T/(1 + g) = ln |1 + g R| + uᵀ S⁻¹ u - g uᵀ D (1 + g R)⁻¹ D u / r              (153)
+    ///     S = ZᵀZ - (QᵀZ)ᵀ QᵀZ,   r = max diag(D S D),   R = D S D / r,   g = T/rank
     /// ```
+    ///
+    /// With `T = uᵀ S⁻¹ u`, the cost of (118) at its likeliest amplitude; `D` are the sizes on a diagonal.
     #[must_use]
-    pub fn directions(&self, typical: &[f64], g: f64) -> f64 {
-        let columns = typical.len();
+    pub fn directions(&self, typical: &[f64], pull: &[f64], found: &StepScore) -> f64 {
+        let (columns, rank) = (typical.len(), found.rank as f64);
+        let g = (found.score / rank).max(1.0);
+        let along = |i: usize| (self.zr[i] - dot(self.qz.col_as_slice(i), pull)) * typical[i];
         let absorbed = self.qz.transpose() * &self.qz;
         let told =
             |i: usize, j: usize| (self.zz[(i, j)] - absorbed[(i, j)]) * typical[i] * typical[j];
@@ -102,9 +108,44 @@ impl StepSums {
         let square = Mat::from_fn(columns, columns, |i, j| {
             f64::from(u8::from(i == j)) + g * told(i, j) / most
         });
-        let all = columns as f64;
-        let Ok(factor) = Llt::new(square.as_ref(), Side::Lower) else { return all };
+        let Ok(factor) = Llt::new(square.as_ref(), Side::Lower) else { return rank };
         let volume: f64 = (0..columns).map(|i| 2.0 * factor.L()[(i, i)].ln()).sum();
-        (volume / g.ln_1p()).clamp(1.0, all)
+        let u = Mat::from_fn(columns, 1, |i, _| along(i));
+        let kept = g / most * (u.transpose() * factor.solve(&u))[(0, 0)];
+        let given_back = found.score - kept - found.score / (1.0 + g);
+        ((volume + given_back) / g.ln_1p()).clamp(1.0, rank)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector};
+
+    use super::StepSums;
+
+    #[test]
+    fn directions_cost_what_the_density_of_the_residuals_says() {
+        let odd = |i: usize, j: usize| ((1 + i * i + 7 * i * j + j) as f64).sin();
+        // The third column hardly shows.
+        let shows = [1.0, 0.4, 0.01];
+        let z = DMatrix::from_fn(30, 3, |i, j| shows[j] * odd(i, j));
+        let r = DVector::from_fn(30, |i, _| odd(i, 7) + 9.0 * z[(i, 0)]);
+        let mut sums = StepSums::new(0, 3);
+        (0..30).for_each(|i| sums.add(&[], z.row(i).transpose().as_slice(), r[i]));
+        let found = sums.score(&[]).expect("a score");
+        let typical = [0.5, 2.0, 1.0];
+        let k = sums.directions(&typical, &[], &found);
+        assert!(1.0 < k && k < 3.0, "{k}");
+        // By the inverse and the determinant of the whole covariance.
+        let g = found.score / 3.0;
+        let columns = &z * DMatrix::from_diagonal(&DVector::from_row_slice(&typical));
+        let square = columns.transpose() * &columns;
+        let most = square.diagonal().max();
+        let cover = DMatrix::identity(30, 30) + &columns * columns.transpose() * (g / most);
+        let log = cover.determinant().ln();
+        let left = (r.transpose() * cover.try_inverse().expect("an inverse") * &r)[(0, 0)];
+        let wanted = found.score + log + left - r.norm_squared();
+        let got = k * g.ln_1p() + found.score / (1.0 + g);
+        assert!((got - wanted).abs() < 1e-9 * wanted, "{got} for {wanted}");
     }
 }

@@ -107,7 +107,7 @@ impl<'a> Bodies<'a> {
             let width = rank as f64;
             let p_value = judge.p_value(score, width);
             let one = Scored::of(instance, Family::Moved, score, width, p_value, tests);
-            one.told_in(told.min(width))
+            one.told_in(told)
         };
         all.into_iter().map(of).collect()
     }
@@ -155,8 +155,7 @@ impl<'a> Bodies<'a> {
             if both_sides && order % stride == 0 && !self.at.fit.model.instances.contains(&instance)
             {
                 let Some(scored) = sums.score(&self.at.pull) else { continue };
-                let times = (scored.score / scored.rank as f64).max(1.0);
-                let told = sums.directions(&typical, times);
+                let told = sums.directions(&typical, &self.at.pull, &scored);
                 found.push((instance, scored, told));
             }
         }

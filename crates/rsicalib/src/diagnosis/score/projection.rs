@@ -292,7 +292,7 @@ pub fn score_of(
             let mut one = Scored::of(*instance, family, score, width, p_value, places);
             if family == Family::Free {
                 one.charge = judge.said.fall(score)
-                    + evidence(observations, *instance, candidate, &judge.said);
+                    + evidence(observations, *instance, candidate, &judge.said, score);
             }
             scored.push(one);
         }
@@ -351,31 +351,35 @@ const HALVINGS: i32 = 12;
 /// -2 ln L(τ) = Σ ln(1 + τ² m_k) + data(χ² - R) - data(χ²),    R = Σ τ² u_k² / (1 + τ² m_k)       (117)
 /// ```
 ///
-/// with the eigenvalues `m_k` of `M` in typical sizes, and `u` along their directions.
+/// with the eigenvalues `m_k` of `M` in typical sizes, and `u` along their directions, in units of the noise
+/// as large as it may be beside a shape of this score.
 fn evidence(
     observations: &Observations,
     instance: Instance,
     candidate: &Projected,
     said: &Said,
+    score: f64,
 ) -> f64 {
     let d = candidate.gradient.len();
     let typical = targets::typical(&observations.mechanism, instance.term, instance.target);
     let square = Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] * typical[i] * typical[j]);
     let gradient: Vec<f64> = candidate.gradient.iter().zip(&typical).map(|(u, t)| u * t).collect();
     let raw: Vec<f64> = candidate.raw.iter().zip(&typical).map(|(r, t)| r * t * t).collect();
-    averaged(&square, &gradient, &raw, said)
+    averaged(&square, &gradient, &raw, said, score)
 }
 
 /// (117) of `M` and `u` in typical sizes, and the diagonal of `ZᵀZ`: a direction that is fitted already
 /// tells nothing.
-fn averaged(square: &Mat<f64>, gradient: &[f64], raw: &[f64], said: &Said) -> f64 {
+fn averaged(square: &Mat<f64>, gradient: &[f64], raw: &[f64], said: &Said, score: f64) -> f64 {
     let Some((values, vectors)) = eigenvalues(square.as_ref()) else { return 0.0 };
     let d = gradient.len();
     let along = |k: usize| (0..d).map(|i| vectors[(i, k)] * gradient[i]).sum::<f64>();
     let whole = |k: usize| (0..d).map(|i| vectors[(i, k)].powi(2) * raw[i]).sum::<f64>();
     let seen = (0..d).filter(|k| values[*k] > VISIBLE * whole(*k));
     let pairs: Vec<[f64; 2]> = seen.map(|k| [values[k], along(k).powi(2)]).collect();
+    let scale = said.scale(score);
     let of = |tau2: f64| -> f64 {
+        let tau2 = scale * tau2;
         let volume: f64 = pairs.iter().map(|[m, _]| (tau2 * m).ln_1p()).sum();
         let fall: f64 = pairs.iter().map(|[m, square]| tau2 * square / (1.0 + tau2 * m)).sum();
         volume - said.fall(fall)
@@ -399,9 +403,9 @@ mod tests {
         let (m, u) = (z.transpose() * &z, z.transpose() * &r);
         let raw: Vec<f64> = m.diagonal().iter().copied().collect();
         let data = Data { scale: Scale::Known(f64::INFINITY), dof: 14.0 };
-        let said = Said { data, chi2: r.norm_squared() };
+        let said = Said { data, chi2: r.norm_squared(), larger_noise: true };
         let square = Mat::from_fn(3, 3, |i, j| m[(i, j)]);
-        let got = averaged(&square, u.as_slice(), &raw, &said);
+        let got = averaged(&square, u.as_slice(), &raw, &said, 0.0);
         // By the inverse and the determinant of the whole covariance, at each amplitude.
         let ratios = (0..HALVINGS).map(|k| {
             let cover = DMatrix::identity(14, 14) + &z * z.transpose() * 0.25_f64.powi(k);

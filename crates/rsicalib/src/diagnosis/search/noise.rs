@@ -83,11 +83,13 @@ impl Shown {
 
     /// The noise of another variance, and by how much what readings say falls with it.
     fn of_variance(&self, variance: f64) -> Option<(UnknownNoise, f64)> {
-        // The fit's residuals are in units of the noise that is there already.
+        // The fit's residuals are in units of the noise that is there already; the other noise may be
+        // `1/scale` times as large as it is known.
         let own = self.noise.variance;
-        let more = |variance: f64| (variance - own) / (1.0 + own);
-        let (none, _) = ratio(&self.axes, more(0.0))?;
-        let (volume, fall) = ratio(&self.axes, more(variance))?;
+        let more = |variance: f64, scale: f64| (scale * variance - own) / (1.0 + own);
+        let (none, _) = ratio(&self.axes, more(0.0, 1.0))?;
+        let (_, explained) = ratio(&self.axes, more(variance, 1.0))?;
+        let (volume, fall) = ratio(&self.axes, more(variance, self.said.scale(explained)))?;
         let noise = UnknownNoise { variance, volume: volume - none, ..self.noise };
         Some((noise, self.said.fall(fall)))
     }
