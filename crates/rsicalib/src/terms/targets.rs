@@ -113,8 +113,10 @@ pub fn shared(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
         (Target::EachChain(first), Per::Chain) => {
             other && !term.moves_only(&[Spot::Base]) && carry_alike(mechanism, *first)
         }
+        // A gear, or a pulley, that is another than the drawn one is so at all of them.
         (Target::EachJoint(..), Per::Channel) => {
-            other && (info.class == Class::Load || mechanism.one_make(*target))
+            let own = other || term.role() == Role::Gain;
+            own && (info.class == Class::Load || mechanism.one_make(*target))
         }
         // Belts of one make may all begin elsewhere, or all stretch.
         (Target::Together(_), Per::Channel) => mechanism.one_make(*target),
