@@ -313,9 +313,11 @@ def readings_of(mechanism: Any, session: Session) -> Any:
 def scored(case: Case, mechanism: Any, result: Any) -> float | None:
     """Rms error of the carried points, or of the platform, at the check poses [length unit].
 
-    Points are compared after the best rigid motion: a machine does not know where it stands.
+    Points are compared after the best rigid motion: a machine does not know where it stands. These
+    poses are taken after the session: what slipped in it has slipped.
     """
-    standing = [e for e in case.effects if not e.bound]
+    standing = [slipped(e) if e.term == "slip" else e for e in case.effects]
+    standing = [e for e in standing if not e.bound]
     device, scene = case.device, case.check
     values, columns = device.ideal(scene, standing)
     session = Session(scene, values, columns, case.session.held, case.session.warm)
@@ -327,6 +329,21 @@ def scored(case: Case, mechanism: Any, result: Any) -> float | None:
         return float(np.sqrt(np.mean((found[:, :3] - centre) ** 2)))
     there = np.stack(list(true.values()), axis=1).reshape(-1, 3)
     return rigid_rms(np.asarray(found).reshape(-1, 3), there)
+
+
+def slipped(effect: Effect) -> Effect:
+    """A slip after it happened."""
+    law = effect.bends
+    assert law is not None
+
+    def bends(size: float, q: Array, scene: Scene) -> Array:
+        return law(size, q, replace(scene, label=np.full_like(scene.label, LATE)))
+
+    return replace(effect, bends=bends, bound=False)
+
+
+LATE = 1000
+"""A pose after every pose of a session."""
 
 
 def rigid_rms(first: Array, second: Array) -> float:
