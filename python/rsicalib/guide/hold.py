@@ -109,9 +109,9 @@ class Hold:
         if count < self.samples:
             return []
         values, times = np.array([s.values for s in every]), np.array([s.time_s for s in every])
-        found = still_stretches(values, times, self.seconds)
-        if found and found[-1][1] == len(every):
-            return every[max(found[-1][0], len(every) - count) :]
+        first, found = len(every) - count, still_stretches(values, times, self.seconds)
+        if found and found[-1][1] > first:  # else it is on its way from there
+            return every[max(found[-1][0], first) :] if found[-1][1] == len(every) else []
         return every[-count // 2 :] if self.held_s >= LONGER * self.seconds else []
 
     def _moves(self) -> bool:

@@ -22,7 +22,7 @@ from rsicalib.imports.log import Log
 from rsicalib.imports.series import in_columns
 from rsicalib.imports.stretches import Recording, session_of
 from rsicalib.imports.times import seconds, time_column
-from rsicalib.io.tables import PARQUET, Table, is_blank, quoted, read_table, text
+from rsicalib.io.tables import PARQUET, Table, is_blank, numbers, quoted, read_table, text
 
 __all__ = ["read", "whole_rows"]
 
@@ -82,6 +82,16 @@ def _whole(table: Table, asked: Asked) -> Table:
 def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
     """Rows of the channels, and what was found on the way."""
     notes: list[str] = []
+    named = numbers(table.names)
+    if np.isfinite(named).all() and not np.array_equal(named, np.arange(len(named))):
+        raise InputError.at(
+            table.source,
+            line=table.header,
+            found="numbers",
+            expected="names of columns",
+            hint="Put a header line above them.",
+            line_word=table.line_word,
+        )
     place = time_column(table.names)
     channels = asked.channels
     if channels is None:

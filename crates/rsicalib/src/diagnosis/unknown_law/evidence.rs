@@ -229,6 +229,21 @@ mod tests {
     }
 
     #[test]
+    fn a_law_has_no_part_of_what_is_apart() {
+        let n = 12;
+        let waves: Vec<f64> = (0..n).map(|p| (0.9 * p as f64 + 0.3).sin()).collect();
+        let x = Variable::of(Quantity::Theta(0), waves).expect("what changes");
+        let apart = DVector::from_vec(x.values.clone()).normalize();
+        let basis = Basis::of(&[&x], n, &[apart.as_slice().to_vec()]);
+        let m = basis.degrees.len();
+        let columns = DMatrix::from_row_slice(n, m, &basis.values);
+        // Sums of a dozen products of about one.
+        assert!((columns.transpose() * &apart).amax() < 1e-13);
+        assert!(columns.column(0).norm() < 1e-13, "what is linear alone is gone");
+        assert!(columns.column(1).norm() > 1.0, "what bends is not");
+    }
+
+    #[test]
     fn it_is_the_density_of_the_residuals_with_their_whole_covariance() {
         let n = 12;
         let at = |p: usize, pace: f64| (pace * p as f64 + 0.3).sin();
