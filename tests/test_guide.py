@@ -362,6 +362,15 @@ def test_of_an_arm_that_touches_the_way_there_and_back_is_no_part_of_the_pose() 
     assert 120 <= len(seen) <= 144 and max(seen) < 8 * 2e-5
 
 
+def test_samples_that_come_once_a_second_are_held_too() -> None:
+    rng = np.random.default_rng(3)
+    hold = Hold(np.full(6, 6.2), 8, 0.6, closed=False)
+    for k in range(30):
+        hold.feed(Sample(1.0 * k, None, tuple(max(0, 10 - k) + rng.normal(0, 1e-3, 6))))
+    assert hold.progress == 1.0
+    assert np.ptp([sample.values for sample in hold.taken()], axis=0).max() < 0.01
+
+
 def test_an_arm_that_trembles_at_what_it_touches_is_taken_when_held_longer() -> None:
     hold = Hold(np.full(6, 6.2), 8, 0.5, closed=False)
     for k in range(100):

@@ -109,7 +109,9 @@ class Hold:
         if count < self.samples:
             return []
         values, times = np.array([s.values for s in every]), np.array([s.time_s for s in every])
-        first, found = len(every) - count, still_stretches(values, times, self.seconds)
+        least = (self.samples - 1) * float(np.median(np.diff(times)))  # where they come slowly
+        hold = max(self.seconds, least)
+        first, found = len(every) - count, still_stretches(values, times, hold)
         if found and found[-1][1] > first:  # else it is on its way from there
             return every[max(found[-1][0], first) :] if found[-1][1] == len(every) else []
         return every[-count // 2 :] if self.held_s >= LONGER * self.seconds else []

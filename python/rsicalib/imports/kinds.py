@@ -130,10 +130,10 @@ def format_of(source: str | os.PathLike[str]) -> str | None:
     return next((name for name, kind in KINDS.items() if kind.looks_like(path, head)), None)
 
 
-def _head(path: Path, size: int = HEAD) -> bytes:
+def _head(path: Path) -> bytes:
     """What a file begins with, text as UTF-8: who reads it says how to save it."""
     with path.open("rb") as file:
-        head = file.read(size)
+        head = file.read(HEAD)
     if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
         head = head.decode("utf-16", "ignore").encode()
     return head
@@ -145,8 +145,10 @@ def is_table(source: str | os.PathLike[str]) -> bool:
     Readings are such tables, too: only who imports a file takes it for one of another program.
     """
     path = Path(source)
-    if not os.path.isfile(path) or path.suffix.lower() in PARQUET:
-        return os.path.isfile(path)
+    if not os.path.isfile(path):
+        return False
+    if path.suffix.lower() in PARQUET:
+        return True
     try:
         head = _head(path)
         if head.startswith(b"\x1f\x8b"):  # one that is cut has a head, too
