@@ -6,7 +6,8 @@ The blocks of a page run in their order, in one empty folder and in one Python s
 
     python   is executed
     sh       is run by a shell
-    text     directly below one of these is what it printed, and is written again
+    text     directly below one of these is what it printed, and is written again; below the
+             words "In short, of what it prints" its lines are some of those
     toml     with a title is written to that file; if it is a mechanism, it must load
     csv      with a title is written to that file
     json     must be JSON
@@ -57,6 +58,8 @@ BLOCK = re.compile(r"^( *)```(\w*)([^\n`]*)\n(.*?)^\1```$", re.M | re.S)
 
 NEXT = re.compile(r"\s*\Z")
 
+IN_SHORT = "In short, of what it prints"
+
 
 @dataclass
 class Page:
@@ -79,11 +82,21 @@ class Page:
             if language == "text" and printed is not None and NEXT.fullmatch(between):
                 out.append(f"{indent}```text{title}\n{_indented(printed, indent)}{indent}```")
                 printed = None
+            elif language == "text" and printed is not None and IN_SHORT in between:
+                self.excerpt(_dedented(code, indent), printed)
+                out.append(match[0])
             else:
                 printed = self.run(language, title, _dedented(code, indent))
                 out.append(match[0])
             end = match.end()
         return "".join([*out, source[end:]])
+
+    def excerpt(self, code: str, printed: str) -> None:
+        """Refuse lines that a command has not printed, but for spaces."""
+        lines = {" ".join(line.split()) for line in printed.splitlines()}
+        others = [line for line in code.splitlines() if " ".join(line.split()) not in lines | {""}]
+        if others:
+            raise ValueError(f"{self.path.name}: not among what is printed: {others}")
 
     def pictures(self) -> dict[Path, str]:
         """Pictures that the page shows of what its code has drawn, by their files."""

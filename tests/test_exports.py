@@ -42,6 +42,37 @@ def test_coordinates_are_those_of_line_and_curve(traced: Trace) -> None:
             assert np.abs(np.polyval(square, readings.values[:, k]) - curve).max() < 1e-9
 
 
+def test_coordinates_of_an_eccentric_sensor_are_those_of_its_formula() -> None:
+    terms = ["offset", "gain", "once_per_turn@a22", "crosstalk@a33:a32"]
+    found = rsicalib.calibrate(DEMO, rest=rsicalib.DEMO / "rest.csv", terms=terms)
+    readings, mechanism = rsicalib.load_readings(DEMO), rsicalib.load_mechanism("rsi")
+    values = {(p.term, p.target, p.name): p.value for p in found.parameters}
+    channel, count = mechanism.channels[4], readings.values[:, 4]
+    low, high = channel.range
+    phi = channel.gain * (count - (low + high) / 2)  # nominal, from the middle of its range
+    wanted = values["offset", "a22", "offset"] + values["gain", "a22", "gain"] * count
+    wanted += values["once_per_turn", "a22", "a"] * np.sin(phi)
+    wanted += values["once_per_turn", "a22", "b"] * np.cos(phi)
+    # the sine of the core is a polynomial, right to 1e-15; offsets of some 3 rad
+    assert np.abs(coordinates(readings, mechanism, found)[:, 4] - wanted).max() < 1e-12
+    (text,) = export_result(found, "c").values()
+    assert "not in here" not in str(text)
+    (moved,) = [line for line in str(text).splitlines() if "Other channels at their mean" in line]
+    size = float(moved.split("move it by ")[1].split()[0])
+    step = values["crosstalk", "a33", "share"] * values["gain", "a33", "gain"]
+    assert found.reference is not None
+    centre = found.reference.centre[7]  # of a32, which reads 0 to 4095; two digits are written
+    assert size == pytest.approx(abs(step) * max(centre, 4095 - centre), rel=0.05)
+
+
+def test_what_no_reading_tells_alone_is_not_in_the_header() -> None:
+    terms = ["offset", "gain", "hysteresis@a22", "temperature_gain@a22"]
+    found = rsicalib.calibrate(DEMO, rest=rsicalib.DEMO / "rest.csv", terms=terms)
+    (text,) = export_result(found, "c").values()
+    left = [line for line in str(text).splitlines() if "not in here" in line]
+    assert [line.split("not in here: ")[1].split()[0] for line in left] == terms[2:]
+
+
 def test_a_header_of_c_gives_the_coordinates_within_what_it_states(
     traced: Trace, tmp_path: Path
 ) -> None:
@@ -96,7 +127,9 @@ def test_corrected_readings_are_read_again_and_give_the_same_poses(
 def test_a_corrected_bag_is_read_again_by_another_library(traced: Trace, tmp_path: Path) -> None:
     pytest.importorskip("rosbags", reason="the extra ros is not installed")
     reader = pytest.importorskip("mcap_ros2.reader", reason="mcap-ros2-support is not installed")
-    (data,) = export_result(traced, "mcap", readings=DEMO).values()
+    files = export_result(traced, "mcap", readings=DEMO)
+    assert {*files} == {"corrected.mcap", "corrected.toml"}
+    data = files["corrected.mcap"]
     path = tmp_path / "corrected.mcap"
     path.write_bytes(data if isinstance(data, bytes) else b"")
     wanted = coordinates(rsicalib.load_readings(DEMO), rsicalib.load_mechanism("rsi"), traced)

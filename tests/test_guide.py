@@ -347,6 +347,38 @@ def test_a_hand_that_shakes_is_still_and_a_hand_that_moves_is_not() -> None:
     assert hold.progress < 0.5
 
 
+def test_of_an_arm_that_touches_the_way_there_and_back_is_no_part_of_the_pose() -> None:
+    rng = np.random.default_rng(2)
+    hold = Hold(np.full(6, 6.2), 8, 0.5, closed=False)
+    seen = []
+    for k in range(600):  # 1.2 s on the way, which ends and begins slowly, 1.2 s at rest
+        at, turn = divmod(k, 120)
+        ease = 0.5 - 0.5 * np.cos(np.pi * min(turn / 60, 1))
+        values = at + ease + rng.normal(0, 2e-5, 6)
+        hold.feed(Sample(0.02 * k, None, tuple(values)))
+        if hold.progress == 1.0 and at > 0:
+            seen.append(np.ptp([sample.values for sample in hold.taken()], axis=0).max())
+    # 0.7 s of four rests of 1.2 s; the way from one to the next is 1 rad
+    assert 120 <= len(seen) <= 144 and max(seen) < 8 * 2e-5
+
+
+def test_samples_that_come_once_a_second_are_held_too() -> None:
+    rng = np.random.default_rng(3)
+    hold = Hold(np.full(6, 6.2), 8, 0.6, closed=False)
+    for k in range(30):
+        hold.feed(Sample(1.0 * k, None, tuple(max(0, 10 - k) + rng.normal(0, 1e-3, 6))))
+    assert hold.progress == 1.0
+    assert np.ptp([sample.values for sample in hold.taken()], axis=0).max() < 0.01
+
+
+def test_an_arm_that_trembles_at_what_it_touches_is_taken_when_held_longer() -> None:
+    hold = Hold(np.full(6, 6.2), 8, 0.5, closed=False)
+    for k in range(100):
+        hold.feed(Sample(0.02 * k, None, tuple(5e-3 * np.sin(0.3 * k + np.arange(6)))))
+        assert k < 75 or hold.progress == 1.0
+        assert k > 74 or hold.progress < 1.0
+
+
 @pytest.mark.parametrize("seed", sized([4], [4, 12]))
 def test_who_shakes_and_sees_the_page_alone_is_done_in_few_poses(seed: int, tmp_path: Path) -> None:
     """Small form of `python -m tests.person --devices 200 --tremor`; figures in docs/guide.md."""

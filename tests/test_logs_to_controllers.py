@@ -9,6 +9,7 @@ import pytest
 
 import rsicalib
 from rsicalib.exports.opening import export_result
+from tests.commands import run_text
 from tests.test_imports import clbm
 
 ANCHORS = np.array([[12.0, 2031.0, 100.0], [2870.0, 2018.0, 56.0], [0.0, 0.0, 34.0]])
@@ -49,6 +50,18 @@ def test_the_log_of_a_maslow_becomes_anchors_that_its_firmware_takes(tmp_path: P
     values = rsicalib.import_log(again).mechanism
     points = {p["name"]: p["at"] for p in rsicalib.load_mechanism(values or "").to_dict()["point"]}
     assert np.abs(np.array(points["top right"]) - corners[1]).max() < 1e-9  # as the lines say
+
+
+def test_the_folder_of_a_trace_has_the_mechanism_for_the_way_back(tmp_path: Path) -> None:
+    log, out = tmp_path / "serial.log", tmp_path / "report"
+    log.write_text(clbm(belts(0.5, np.random.default_rng(0))) + "\n")
+    assert run_text("trace", log, "--out", out, "--quiet").returncode == 0
+    back = ["export", out / "result.json", "--to", "maslow"]
+    lost = run_text(*back)
+    assert lost.returncode == 2 and f"--mechanism {out / 'mechanism.toml'}" in lost.stderr
+    done = run_text(*back, "--mechanism", out / "mechanism.toml")
+    assert done.returncode == 0 and "$/kinematics/MaslowKinematics/tlX=" in done.stdout
+    assert run_text("trace", log, "--out", out, "--quiet").returncode == 0, "written again"
 
 
 def printer(

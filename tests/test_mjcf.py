@@ -226,6 +226,10 @@ def test_a_model_of_several_files_is_read_by_the_command(tmp_path: Path) -> None
 
 BROKEN = {
     "no loop": ("", "found no active <connect>, <weld> or <joint>"),
+    "a ratio alone": (
+        '<joint joint1="l1" joint2="r1" polycoef="0 -0.5 0 0 0"/>',
+        "beside l1, which only follows another joint",
+    ),
     "a loop that is off": (
         '<connect site1="left tip" site2="right tip" active="false"/>',
         "found no active <connect>",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -40,6 +41,47 @@ def test_a_file_of_a_stranger_is_read_or_refused_with_what_to_do(
     assert column in session.columns and (len(session) == rows or not rows)
 
 
+def notes(path: Path, **options: Any) -> str:
+    return " ".join(rsicalib.import_log(path, **options).findings)
+
+
+def test_what_a_table_takes_for_granted_is_said(tmp_path: Path) -> None:
+    rows = [f"{k * 20},{k % 7}" for k in range(40)]
+    (tmp_path / "ms.csv").write_text(tables.lines("timestamp,elbow", rows))
+    assert "rows are 20 s apart, more than the 0.5 s of a held pose" in notes(tmp_path / "ms.csv")
+    (tmp_path / "twice.csv").write_text(
+        tables.lines("time,elbow", [f"{k // 2 / 50},{k // 2 % 7}" for k in range(40)][:-1])
+    )
+    said = "19 rows have the time of the row before, first row 3 of the log; 19 have its readings"
+    assert said in notes(tmp_path / "twice.csv", hold=0)
+
+
+def test_velocities_of_a_data_set_are_said_and_left_out(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="the extra parquet is not installed")
+    names = [*(f"{joint}.pos" for joint in datasets.JOINTS[:4]), "x.vel", "y.vel"]
+    path = datasets.whole("v3.0", datasets.named(names), rows=90)(tmp_path)
+    assert "no positions, and not taken: x.vel, y.vel" in notes(path)
+    columns = rsicalib.import_log(path).sessions[0].columns
+    assert not [name for name in columns if name.endswith("vel")]
+
+
+@pytest.mark.parametrize(
+    ("column", "hint"), [("q1", "--channels q1=COLUMN"), ("at", "--labels at")]
+)
+def test_readings_under_other_names_are_refused_with_the_import(
+    column: str, hint: str, tmp_path: Path
+) -> None:
+    mechanism = {"name": "arm", "length_unit": "m", "closure": []}
+    mechanism["channel"] = [{"name": "q1", "unit": "rad", "gain": 1.0, "offset": 0.0}]
+    mechanism["chain"] = [{"name": "arm", "dh": [{"channel": "q1", "a": 1.0}]}]
+    mechanism["point"] = [{"name": "tip", "chain": "arm", "at": [0.0, 0.0, 0.0]}]
+    mechanism["point"].append({"name": "cone", "unknown": ["at"]})
+    mechanism["closure"] = [{"name": "in", "kind": "touch", "between": ["tip", "cone"]}]
+    (tmp_path / "run.csv").write_text("time,elbow\n0,1\n" if column == "q1" else "q1\n1\n")
+    with pytest.raises(InputError, match=hint):
+        rsicalib.load_readings(tmp_path / "run.csv", mechanism)
+
+
 def test_each_group_has_ten_files() -> None:
     assert all(len(files) >= 10 for files in GROUPS.values())
 
@@ -67,6 +109,10 @@ MACHINES = {
     "robot.urdf": (
         b'<?xml version="1.0"?>\n<robot name="r"><link name="b"/></robot>',
         "a [[chain]]",
+    ),
+    "plain.urdf": (
+        b'<robot name="r" xmlns:xacro="x"><xacro:property name="a" value="1"/></robot>',
+        "plain_plain.urdf",
     ),
     "robot.urdf.xacro": (b'<robot name="r" xmlns:xacro="x"/>', "xacro "),
     "world.sdf": (b'<?xml version="1.0"?><sdf version="1.7"/>', "Export it from its program"),

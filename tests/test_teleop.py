@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import rsicalib
 from tests.machines.teleop import NAMES, Recording, fitted
 
 STEP = 1 / 30
@@ -24,6 +25,26 @@ def recording(delay_s: float, servo_s: float, short: float) -> Recording:
         follower[k] = follower[k - 1] + share * (goal[k] - follower[k - 1])
     rows = np.arange(0, len(fine), round(STEP / 1e-4))
     return Recording(fine[rows], led[rows], follower[rows])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_horn_that_slips_is_a_slip_and_no_law_that_no_term_has(seed: int) -> None:
+    """A law that undoes the leader's reading beside the follower's gain closes anything."""
+    rng = np.random.default_rng(seed)
+    leader = rng.uniform(-80, 80, (80, 5))
+    follower = (leader - rng.normal(0, 2, 5)) / (1 + rng.normal(0, 0.02, 5))
+    follower += rng.normal(0, 0.5, follower.shape)
+    follower[40:, 2] += 4
+    joints = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"]
+    sides = (("leader", leader), ("follower", follower))
+    rows = {f"{side}_{j}": q[:, k] for side, q in sides for k, j in enumerate(joints)}
+    found = rsicalib.trace({"pose": np.arange(1, 81), **rows}, "so101")
+    (step,) = found.steps
+    names = {step.target, *(tie.target for tie in step.also_fits)}
+    assert step.term == "slip" and step.applied is not False
+    assert {tie.term for tie in step.also_fits} <= {"slip"}
+    assert names == {"leader_elbow_flex", "follower_elbow_flex"}
+    assert "rms [percent]" in found.summary()
 
 
 @pytest.mark.parametrize(("delay", "servo", "short"), [(0.08, 0.06, -0.4), (0.14, 0.0, 0.0)])

@@ -608,6 +608,22 @@ def test_refuses(case: str) -> None:
     assert caught.value.where["found"] and caught.value.where["expected"]
 
 
+def test_limits_move_with_where_readings_are_counted_from() -> None:
+    robot = """<robot name="r"> <link name="base"/> <link name="arm"/>
+      <joint name="hinge" type="revolute"> <origin xyz="0 0 0.3"/>
+        <parent link="base"/> <child link="arm"/> <axis xyz="0 0 1"/>
+        <limit effort="10" velocity="10" lower="-1.7" upper='1.7'/> </joint> </robot>"""
+    given = ("base", "arm", {"hinge": "q1"})
+    rows = chain_from_urdf(robot, *given).rows
+    # an encoder of 4096 steps whose middle is the zero of the drawing, off by 10 mrad
+    off, zero = {"q1": 0.01 - np.pi}, {"q1": -np.pi}
+    text = write_urdf(robot, *given, rows, offsets=off, zeros=zero).text
+    assert chain_from_urdf(text, *given).limits["q1"] == [-1.7 + np.pi, 1.7 + np.pi]
+    assert 'effort="10" velocity="10"' in text
+    text = write_urdf(robot, *given, rows, offsets={"q1": 0.01}).text
+    assert chain_from_urdf(text, *given).limits["q1"] == [-1.7, 1.7]
+
+
 def test_limits_are_those_declared() -> None:
     limit = '<limit lower="-1.5" upper="2" effort="1" velocity="1"/>'
     joints = [

@@ -68,6 +68,21 @@ def part(number: int, message: dict[str, Any]) -> dict[str, Any]:
     return message
 
 
+def passive(number: int, message: dict[str, Any]) -> dict[str, Any]:
+    """A message with a joint that has no encoder."""
+    message["name"].append("finger")
+    message["position"].append(float("nan"))
+    return message
+
+
+def halves(number: int, message: dict[str, Any]) -> dict[str, Any]:
+    """One of two publishers, each with its joints."""
+    part = slice(0, 1) if number % 2 else slice(1, None)
+    names = sorted(message["name"])[part]
+    at = dict(zip(message["name"], message["position"], strict=True))
+    return {**message, "name": names, "position": [at[name] for name in names]}
+
+
 def folder_of_a_killed_recorder(folder: Path) -> Path:
     (rosbag2(folder / "run", STREAM) / "metadata.yaml").unlink()
     return folder / "run"
@@ -116,11 +131,26 @@ FILES: dict[str, Made] = {
         {},
         "message 7: found no finite position of ",
     ),
+    "MCAP with a joint that has no encoder": (
+        channels("json", change=passive),
+        {"hold": 0, "channels": {"q1": "elbow"}},
+        (100, "q1"),
+    ),
+    "MCAP of two publishers": (
+        channels("json", change=halves),
+        {"hold": 0},
+        "100 such rows, and none is whole: name the channels that belong together",
+    ),
+    "MCAP with joint states of another schema": (
+        channels("json", name="foxglove.JointStates"),
+        {},
+        "Its topics: /joint_states (foxglove.JointStates)",
+    ),
     "MCAP cut short": (cut, {}, "mcap recover IN -o OUT"),
     "a bag of ROS 1": (lambda f: ros1(f / "run.bag", STREAM), {"hold": 0}, (100, "elbow")),
     "a folder without metadata": (folder_of_a_killed_recorder, {}, "ros2 bag reindex FOLDER"),
     "ros2 topic echo": (text("echo.txt", echoed()), {"hold": 0}, (100, "shoulder")),
     "rostopic echo": (text("echo.txt", echoed(old=True)), {"hold": 0}, (100, "shoulder")),
-    "ros2 topic echo, stopped in a message": (text("echo.txt", CUT_TEXT), {}, "3 names and 2 pos"),
+    "ros2 topic echo, stopped in a message": (text("echo.txt", CUT_TEXT), {}, "delete its lines"),
     "JSON, an object a line": (text("states.jsonl", LINES), {"hold": 0}, (100, "wrist")),
 }

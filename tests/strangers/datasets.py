@@ -97,7 +97,7 @@ FILES: dict[str, Made] = {
     "an episode that was not fetched": (
         whole("v2.1", lambda root: rows(root)[1].unlink()),
         {},
-        "episode_000001.parquet: found no such file",
+        "read the episodes that there are by --episodes",
     ),
     "no files at all": (
         whole("v3.0", lambda root: rows(root)[0].unlink()),
@@ -108,6 +108,11 @@ FILES: dict[str, Made] = {
         whole("v2.1", lambda _: None),
         {"episodes": [7]},
         "found no episode 7, expected episodes 0 to 1",
+    ),
+    "a base that drives": (
+        whole("v3.0", named([*(f"arm_{joint}.pos" for joint in JOINTS[:4]), "x.vel", "y.vel"])),
+        {"channels": {"q1": "follower_x.vel"}},
+        "found no joint 'follower_x.vel'",
     ),
     "names as numbers": (whole("v2.1", named([1, 2, 3, 4, 5, 6])), {}, "a name for each joint"),
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,17 @@ ECHOED = lines(
 )
 TWO = "__time,/joint_states/elbow/position,/joint_states/wrist/position"
 PLOTTED = [f"{START + k / 50},{k},{-k}" for k in range(9)]
+
+
+JOINTS = ("elbow", "wrist")
+ROWS = [(k / 50, np.sin(min(k, 40) / 9), np.cos(min(k, 40) / 9)) for k in range(100)]
+"""Two joints that move and stand still from 0.8 s on, 50 rows a second."""
+
+
+def table(time: str = "time", mark: str = ",", by: float = 1.0, form: str = "{:.3f}") -> str:
+    """A table of a script, by the name and the unit of its time."""
+    rows = [mark.join([form.format(by * t), f"{a:.6f}", f"{b:.6f}"]) for t, a, b in ROWS]
+    return lines(mark.join([time, *JOINTS]), rows)
 
 
 def parquet(folder: Path) -> Path:
@@ -98,6 +110,62 @@ FILES: dict[str, Made] = {
         text("q.npy", b"\x93NUMPY\x01\x00v\x00{'descr': '<f8'}"),
         {},
         "without names: save it as CSV",
+    ),
+    "a table of a script, packed": (
+        text("run.csv.gz", gzip.compress(table().encode())),
+        {},
+        (60, "elbow"),
+    ),
+    "packed, and cut": (
+        text("run.csv.gz", gzip.compress(table().encode())[:600]),
+        {},
+        "a gzip file that is damaged",
+    ),
+    "text of a spreadsheet": (
+        text("run.txt", table(mark="\t").encode("utf-16")),
+        {},
+        "looks like UTF-16, expected text in UTF-8. Save the file as CSV in UTF-8",
+    ),
+    "times in brackets": (text("run.csv", table("t[ms]", by=1e3)), {}, (60, "wrist")),
+    "times since the robot was switched on": (
+        text("run.csv", table("stamp_ns", by=1e9, form="{:.0f}")),
+        {},
+        (60, "wrist"),
+    ),
+    "times that a spreadsheet has rounded": (
+        text("run.csv", table(form="{:.0f}")),
+        {},
+        "times that most rows share with the row before, expected a time for each row",
+    ),
+    "the same with its rate": (
+        text("run.csv", table(form="{:.0f}")),
+        {"rate": 50.0},
+        (60, "elbow"),
+    ),
+    "times under another word": (
+        text("run.csv", table("Zeit")),
+        {},
+        "found no column of times, expected one called time, timestamp or t",
+    ),
+    "two runs in one file": (
+        text("run.csv", 2 * table()),
+        {"channels": {"q1": "elbow"}},
+        "line 102, column elbow: found 'elbow', expected a finite number. The header stands here",
+    ),
+    "without a header": (
+        text("run.csv", table().split("\n", 1)[1]),
+        {"rate": 50.0},
+        "line 1: found numbers, expected names of columns. Put a header line above them",
+    ),
+    "spaces between cells": (
+        text("run.csv", table(mark=" ")),
+        {"format": "columns", "channels": {"q1": "elbow"}},
+        "Commas, semicolons or tabs stand between cells",
+    ),
+    "NUL after power was lost": (
+        text("run.csv", table() + 300 * "\0"),
+        {"hold": 0},
+        "found NUL bytes: the file does not look like text",
     ),
     "a spreadsheet": (text("session.xlsx", b"PK\x03\x04" + bytes(100)), {}, "save it as CSV"),
 }

@@ -15,7 +15,7 @@ from rsicalib.cli.progress import progress_of
 from rsicalib.cli.streams import columns_of, emit, say
 from rsicalib.errors import OpenLoopsWarning
 from rsicalib.facts.warned import Warned
-from rsicalib.io.folders import MARK, refuse_foreign, write_folder
+from rsicalib.io.folders import MARK, OF_LOG, refuse_foreign, write_folder
 from rsicalib.plain_text import printable
 
 if TYPE_CHECKING:
@@ -68,6 +68,9 @@ def _files(args: argparse.Namespace, result: Result) -> dict[str, str]:
         "report.html": f"{result.report(target=target)}<!-- {MARK} {result.version} -->\n",
         **calibrated_files(getattr(args, "mechanism", "rsi"), result),
     }
+    brought = getattr(args, "brought", None)
+    if brought is not None:
+        files[OF_LOG] = f"# {MARK} {result.version}\n{brought}"
     drawn = result.figures(target=target).items()
     return files | {f"figures/{name}.svg": f"{text}<!-- {MARK} -->\n" for name, text in drawn}
 

@@ -418,7 +418,12 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--when", metavar="CONDITION", help=words)
     words = f"for how long a held pose is still ({HOLD:g}); 0: a recording as it is"
     sub.add_argument("--hold", metavar="SECONDS", type=parsed("hold"), help=words)
-    sub.add_argument("--rate", metavar="HZ", type=parsed("rate"), help="of a log without times")
+    sub.add_argument(
+        "--rate",
+        metavar="HZ",
+        type=parsed("rate"),
+        help="of a log without times, or in place of its times",
+    )
     words = "of a data set: only these, 0,3,…; all where not given"
     sub.add_argument("--episodes", metavar="N,…", type=_numbers, help=words)
     words = "of LeRobot: calibration of the leader and of the follower, or of the follower"

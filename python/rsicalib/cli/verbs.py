@@ -489,7 +489,9 @@ def _with_logs(args: Args) -> None:
     """Read what is a log of another program, and take the mechanism that it brings along."""
     from rsicalib.work.arguments import with_logs
 
-    args.readings, args.mechanism = with_logs(args.readings, args.mechanism, args.skip_bad_rows)
+    given = args.mechanism
+    args.readings, args.mechanism = with_logs(args.readings, given, args.skip_bad_rows)
+    args.brought = None if args.mechanism is given else args.mechanism
 
 
 def _session(args: Args) -> dict[str, Any]:

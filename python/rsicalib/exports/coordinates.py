@@ -1,11 +1,12 @@
 """Joint coordinates under a calibration: what its sensors say, each by itself.
 
-The core composes electronics and sensors; here every channel gets a slide of its own, so that the
-point that it carries is where the coordinate is.
+The core composes electronics and sensors; here every channel gets a joint of its own: a slide,
+which carries a point to where the coordinate is, or a turn, whose point says the angle.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -15,16 +16,22 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
+from rsicalib.verbs.export import Noted
 from rsicalib.work.applying import as_applied, as_table
 
-__all__ = ["coordinates", "unit_of", "without_place"]
+__all__ = ["coordinates", "not_told", "sensor_terms", "unit_of", "without_place"]
 
 SENSORS = ("sensor", "electronics")
 """Classes of terms that act on readings; all others act on what joints carry."""
 
 
 def coordinates(
-    readings: Readings, mechanism: Mechanism, result: Result | None, *, own: bool = False
+    readings: Readings,
+    mechanism: Mechanism,
+    result: Result | None,
+    *,
+    own: bool = False,
+    without: Collection[str] = (),
 ) -> FloatArray:
     """Find the coordinate of each channel's joint, shape (n, C).
 
@@ -38,37 +45,75 @@ def coordinates(
         A calibration; None: as declared.
     own : bool
         Whether these are the readings of the result's own session.
+    without : collection of str
+        Terms that are left out.
 
     Returns
     -------
     ndarray, shape (n, C)
         In rad, or the length unit of a slide.
     """
-    document = mechanism.to_dict()
-    names = [channel["name"] for channel in document["channel"]]
-    slides = [{"name": n, "dh": [{"channel": n, "joint": "prismatic"}]} for n in names]
-    points = [{"name": n, "chain": n, "at": [0.0, 0.0, 0.0]} for n in names]
-    points.append({"name": "origin", "at": [0.0, 0.0, 0.0]})
-    closures = [{"name": n, "kind": "touch", "between": [n, "origin"]} for n in names]
-    whole = {"name": document["name"], "length_unit": document["length_unit"]}
-    whole |= {"channel": document["channel"], "chain": slides, "point": points, "closure": closures}
-    bare = Mechanism.from_dict(whole).with_terms(mechanism.terms)
+    bare = _joints(mechanism)
     applied = as_applied(result, mechanism, own=own)
-    kinds = {term["id"]: term["class"] for term in _core.terms(mechanism)}
+    kinds = {
+        term["id"]: term["class"] for term in _core.terms(mechanism) if term["id"] not in without
+    }
     applied["parameters"] = [p for p in applied["parameters"] if kinds.get(p[0][0]) in SENSORS]
     _, values, _, _ = _core.places(bare, applied, as_table([readings], bare, bare=True), None)
-    found: FloatArray = np.ascontiguousarray(values.reshape(len(readings), -1, 3)[:, :, 2])
+    places = values.reshape(len(readings), -1, 3)
+    sensors = _core.calibrated_sensors(mechanism, applied)
+    near = np.array([(c.gain, c.offset) for c in sensors.channels])
+    linear = readings.values * near[:, 0] + near[:, 1]  # tells the turn that an angle is in
+    angles = np.arctan2(places[:, :, 1], places[:, :, 0])
+    angles += 2 * np.pi * np.round((linear - angles) / (2 * np.pi))
+    found: FloatArray = np.where([*_turning(mechanism).values()], angles, places[:, :, 2])
     return found
 
 
-def without_place(mechanism: Mechanism, result: Result) -> list[str]:
-    """Effects that are not of sensors: what a correction of readings leaves out.
+def not_told(readings: Readings, mechanism: Mechanism) -> set[str]:
+    """Terms for which readings lack something: a time, a temperature, the pose before."""
+    bare = _joints(mechanism)
+    return {*_core.Session(bare, as_table([readings], bare, bare=True)).lacking()}
+
+
+def _joints(mechanism: Mechanism) -> Mechanism:
+    """The channels of a mechanism, each on a joint of its own."""
+    document = mechanism.to_dict()
+    turning = _turning(mechanism)
+    kind = {True: "revolute", False: "prismatic"}
+    joints = [
+        {"name": n, "dh": [{"channel": n, "joint": kind[turns]}]} for n, turns in turning.items()
+    ]
+    points = [{"name": n, "chain": n, "at": [float(t), 0.0, 0.0]} for n, t in turning.items()]
+    points.append({"name": "origin", "at": [0.0, 0.0, 0.0]})
+    names = [*turning]
+    closures = [{"name": n, "kind": "touch", "between": [n, "origin"]} for n in names]
+    whole = {"name": document["name"], "length_unit": document["length_unit"]}
+    whole |= {"channel": document["channel"], "chain": joints, "point": points, "closure": closures}
+    return Mechanism.from_dict(whole).with_terms(mechanism.terms)
+
+
+def _turning(mechanism: Mechanism) -> dict[str, bool]:
+    """Whether each channel is of an angle, by its name: terms of a turn suit no others."""
+    units = unit_of(mechanism)
+    return {c.name: units[c.name] in ("rad", "deg") for c in mechanism.channels}
+
+
+def sensor_terms(mechanism: Mechanism, result: Result) -> set[str]:
+    """Terms of a result that a correction of readings holds; a place that was touched is none."""
+    kinds = {term["id"]: term["class"] for term in _core.terms(mechanism)}
+    return {p.term for p in result.parameters if kinds.get(p.term) in SENSORS}
+
+
+def without_place(mechanism: Mechanism, result: Result, notes: Collection[Noted] = ()) -> list[str]:
+    """Effects that are not of sensors, and that no note names: what a correction leaves out.
 
     Where the things stand that a session touched is no effect.
     """
-    kinds = {term["id"]: term["class"] for term in _core.terms(mechanism)}
-    left = [p.spec for p in result.parameters if kinds.get(p.term, SENSORS[0]) not in SENSORS]
-    return list(dict.fromkeys(left))
+    effects = {term["id"] for term in _core.terms(mechanism)} - sensor_terms(mechanism, result)
+    said = {(note.term, note.target) for note in notes}
+    left = [p for p in result.parameters if p.term in effects]
+    return list(dict.fromkeys(p.spec for p in left if (p.term, p.target) not in said))
 
 
 def unit_of(mechanism: Mechanism) -> dict[str, str]:

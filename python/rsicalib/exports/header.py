@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 
 import numpy as np
 
 from rsicalib.arrays import FloatArray
 from rsicalib.exports.ask import Ask
-from rsicalib.exports.coordinates import coordinates, unit_of, without_place
+from rsicalib.exports.coordinates import coordinates, not_told, sensor_terms, unit_of, without_place
 from rsicalib.io.readings import Readings
 from rsicalib.verbs.export import Noted
 from rsicalib.work.arguments import Bare
@@ -33,45 +34,75 @@ def write(ask: Ask) -> dict[str, str]:
         f"/* Joint coordinates of {_comment(ask.result.mechanism)} from readings,\n",
         f" * by rsicalib {ask.result.version}: {ask.result.verdict}.\n",
     ]
-    left = without_place(ask.mechanism, ask.result)
-    left += [note.text for note in ask.calibrated.notes if not _is_curve(ask, note)]
+    lacking = not_told(_readings(ask, _centre(ask)[None]), ask.mechanism)
+    notes = ask.calibrated.notes
+    left = without_place(ask.mechanism, ask.result, notes)
+    left += [note.text for note in notes if not _is_curve(ask, note, lacking)]
     out += [f" * not in here: {_comment(text)}\n" for text in left]
     out += [f" */\n#ifndef {name.upper()}_H\n#define {name.upper()}_H\n"]
     for number, channel in enumerate(ask.mechanism.channels):
-        readings, wanted = _curve(ask, number)
-        reference = ask.result.reference
-        centre = float(reference.centre[number]) if reference is not None else 0.0
+        readings, wanted = _curve(ask, number, lacking)
+        centre = float(_centre(ask)[number])
         noise = abs(channel.gain) * (
             ask.result.noise.sigma[channel.name] if ask.result.noise else 0
         )
-        out.append(_function(channel.name, units[channel.name], readings, wanted, centre, noise))
+        unit = units[channel.name]
+        out.append(_function(channel.name, unit, readings, wanted, centre, noise))
+        moved = _by_others(ask, number, lacking)
+        if moved > max(FINE * noise, 1e-12 * float(np.abs(wanted).max())):
+            out.insert(
+                -1, f"\n/* Other channels at their mean; they move it by {moved:.2g} {unit}. */"
+            )
     return {"rsicalib.h": "".join([*out, "\n#endif\n"])}
 
 
-def _is_curve(ask: Ask, note: Noted) -> bool:
+def _is_curve(ask: Ask, note: Noted, lacking: Collection[str]) -> bool:
     """Whether what a mechanism has no words for is a sensor's, and so is in the functions."""
-    return note.kind == "no_place" and note.term in _sensor_terms(ask)
+    terms = sensor_terms(ask.mechanism, ask.result)
+    return note.kind == "no_place" and note.term in terms - {*lacking}
 
 
-def _sensor_terms(ask: Ask) -> set[str]:
-    left = set(without_place(ask.mechanism, ask.result))
-    return {p.term for p in ask.result.parameters if p.spec not in left}
-
-
-def _curve(ask: Ask, number: int) -> tuple[FloatArray, FloatArray]:
+def _curve(ask: Ask, number: int, lacking: Collection[str]) -> tuple[FloatArray, FloatArray]:
     """Readings of a channel over its range, and the coordinates there, all others at their mean."""
+    values = np.tile(_centre(ask), (GRID, 1))
+    values[:, number] = np.linspace(*_ends(ask, number), GRID)
+    found = coordinates(_readings(ask, values), ask.mechanism, ask.result, without=lacking)
+    return values[:, number], found[:, number]
+
+
+def _by_others(ask: Ask, number: int, lacking: Collection[str]) -> float:
+    """By how much the coordinate of a channel moves at its mean, as others go to their ends."""
+    centre = _centre(ask)
+    rows = [centre]
+    for other in range(len(centre)):
+        if other != number:
+            rows += [
+                np.where(np.arange(len(centre)) == other, e, centre) for e in _ends(ask, other)
+            ]
+    found = coordinates(_readings(ask, np.array(rows)), ask.mechanism, ask.result, without=lacking)
+    off = np.abs(found[1:, number] - found[0, number]).reshape(-1, 2)
+    return float(off.max(axis=1, initial=0.0).sum())
+
+
+def _centre(ask: Ask) -> FloatArray:
+    """Mean reading of each channel, within its range."""
     reference = ask.result.reference
     assert reference is not None  # `calibrated` has refused it
-    centre = np.array(reference.centre)
-    channel = ask.mechanism.channels[number]
-    low, high = channel.range or reference.span[number]
-    values = np.tile(centre, (GRID, 1))
-    values[:, number] = np.linspace(low, high, GRID)
-    for k, other in enumerate(ask.mechanism.channels):
-        if other.range is not None:
-            values[:, k] = np.clip(values[:, k], *other.range)
-    readings = Readings.from_arrays(Bare(ask.mechanism), values, source="the range of a channel")
-    return values[:, number], coordinates(readings, ask.mechanism, ask.result)[:, number]
+    ranges = [c.range or (-np.inf, np.inf) for c in ask.mechanism.channels]
+    centre: FloatArray = np.clip(np.array(reference.centre), *np.array(ranges).T)
+    return centre
+
+
+def _ends(ask: Ask, number: int) -> tuple[float, float]:
+    """Range of a channel, or what it read."""
+    reference = ask.result.reference
+    assert reference is not None  # `calibrated` has refused it
+    low, high = ask.mechanism.channels[number].range or reference.span[number]
+    return low, high
+
+
+def _readings(ask: Ask, values: FloatArray) -> Readings:
+    return Readings.from_arrays(Bare(ask.mechanism), values, source="the range of a channel")
 
 
 def _function(

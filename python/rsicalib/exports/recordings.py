@@ -10,7 +10,7 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray
 from rsicalib.exports.ask import Ask
-from rsicalib.exports.coordinates import coordinates, unit_of
+from rsicalib.exports.coordinates import coordinates, sensor_terms, unit_of
 from rsicalib.imports.extras import needed
 from rsicalib.imports.log import Session
 from rsicalib.io.readings import Readings
@@ -52,15 +52,22 @@ def _as_read(ask: Ask) -> str:
         channel |= {"unit": units[channel["name"]], "gain": 1.0, "offset": 0.0}
         channel |= {"range": None, "noise": noise}
     cleared = {**document, "channel": [_without_none(c) for c in document["channel"]]}
-    return "# readings of corrected.csv: joint coordinates\n" + type(mechanism)(cleared).to_toml()
+    sensors = sensor_terms(ask.mechanism, ask.result)
+    notes = [n for n in ask.calibrated.notes if n.kind != "no_place" or n.term not in sensors]
+    said = [
+        "readings of corrected.*: joint coordinates",
+        *(f"not in here: {n.text}" for n in notes),
+    ]
+    head = "".join(f"# {' '.join(line.split())}\n" for line in said)
+    return head + type(mechanism)(cleared).to_toml()
 
 
 def _without_none(table: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in table.items() if value is not None}
 
 
-def write_mcap(ask: Ask) -> dict[str, bytes]:
-    """Write `corrected.mcap`: joint states with the corrected positions."""
+def write_mcap(ask: Ask) -> dict[str, bytes | str]:
+    """Write `corrected.mcap`, joint states with the corrected positions, and their mechanism."""
     readings, values = _corrected(ask)
     rosbag2 = needed("rosbags.rosbag2", "corrected.mcap", "a bag of ROS 2")
     typesys = needed("rosbags.typesys", "corrected.mcap", "a bag of ROS 2")
@@ -79,4 +86,5 @@ def write_mcap(ask: Ask) -> dict[str, bytes]:
                 )
                 message = store.types[kind](header, list(readings.channels), row, empty, empty)
                 bag.write(connection, stamp, store.serialize_cdr(message, kind))
-        return {"corrected.mcap": next(path.glob("*.mcap")).read_bytes()}
+        data = next(path.glob("*.mcap")).read_bytes()
+    return {"corrected.mcap": data, "corrected.toml": _as_read(ask)}

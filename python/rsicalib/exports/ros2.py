@@ -15,7 +15,7 @@ def write(ask: Ask) -> dict[str, str]:
     units = unit_of(ask.mechanism)
     found = ask.calibrated
     lines = ["# coordinate = gain * reading + offset\n"]
-    left = [*without_place(ask.mechanism, ask.result), *found.said]
+    left = [*without_place(ask.mechanism, ask.result, found.notes), *found.said]
     lines += [f"# not in here: {note}\n" for note in dict.fromkeys(left)]
     lines += ["/**:\n  ros__parameters:\n    calibration:\n"]
     about = {"mechanism": found.mechanism.name, "length_unit": found.mechanism.length_unit}

@@ -1,4 +1,9 @@
-"""Whether a hand stands still: the last samples, and how much they spread."""
+"""Whether a hand stands still: the last samples, and how much they spread.
+
+Where the loops of a mechanism are closed whatever the hand does, its tremor does no harm. Where
+they are closed by what it touches, samples count from where it came to rest: until then they are of
+the way there.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +14,13 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray
 from rsicalib.guide.log import Sample
+from rsicalib.imports.stretches import still_stretches
 
-__all__ = ["Hold", "apart"]
+__all__ = ["LONGER", "Hold", "apart"]
+
+LONGER = 3.0
+"""A pose that is not the one asked for is taken when it is held so many times as long; so is one in
+which a hand trembles that touches something."""
 
 STILL = 0.004
 """Spread of a hand that holds, as a share of what a channel can read: 16 counts of 4096."""
@@ -19,28 +29,43 @@ SHAKY = 0.02
 tremor of the handle is a large one of its elbow."""
 
 
+LAST = 1000
+"""So many samples are looked at."""
+
+
 class Hold:
     """The last samples of a hand that moves, holds and moves on."""
 
-    def __init__(self, spans: FloatArray, samples: int, seconds: float) -> None:
+    def __init__(
+        self, spans: FloatArray, samples: int, seconds: float, *, closed: bool = True
+    ) -> None:
         self.spans = spans
+        self.closed = closed
+        """Whether loops are closed in motion, too."""
         self.loose = STILL * spans
         self.samples = samples
         self.seconds = seconds
-        self._last: deque[Sample] = deque(maxlen=1000)
+        self._last: deque[Sample] = deque(maxlen=LAST)
+        self._all: deque[Sample] = deque(maxlen=LAST)
+        """Those before a motion, too: they tell what the noise of a channel is."""
+        self._held: list[Sample] = []
 
     def feed(self, sample: Sample) -> None:
         """Take one more sample; those before a motion are forgotten."""
         if self._last and sample.time_s < self._last[-1].time_s:
             self._last.clear()
+            self._all.clear()
         self._last.append(sample)
+        self._all.append(sample)
         if len(self._last) >= 4 and self._moves():
             while len(self._last) > 2 and self._moves():
                 self._last.popleft()
+        self._held = list(self._last) if self.closed else self._at_rest()
 
     def clear(self) -> None:
         """Forget all: a pose was taken."""
         self._last.clear()
+        self._held = []
         self.loose = STILL * self.spans
 
     def allow(self, spread: FloatArray) -> None:
@@ -63,16 +88,33 @@ class Hold:
     @property
     def progress(self) -> float:
         """From 0 to 1, where a pose can be taken."""
-        if len(self._last) < 2:
+        held = self._held
+        if len(held) < 2:
             return 0.0
-        count = len(self._last) / self.samples
-        return float(min(1.0, count, self.held_s / self.seconds if self.seconds else 1.0))
+        count = len(held) / self.samples
+        long = (held[-1].time_s - held[0].time_s) / self.seconds if self.seconds else 1.0
+        return float(min(1.0, count, long))
 
     def taken(self) -> list[Sample]:
         """Samples of the pose that is held, evenly from the time that it was held."""
-        every = list(self._last)
+        every = self._held
         picked = np.linspace(0, len(every) - 1, self.samples).round().astype(int)
         return [every[k] for k in np.unique(picked)]
+
+    def _at_rest(self) -> list[Sample]:
+        """Samples since the channels are still in their own noise; of a hand that goes on
+        trembling, those of the second half.
+        """
+        every, count = list(self._all), len(self._last)
+        if count < self.samples:
+            return []
+        values, times = np.array([s.values for s in every]), np.array([s.time_s for s in every])
+        least = (self.samples - 1) * float(np.median(np.diff(times)))  # where they come slowly
+        hold = max(self.seconds, least)
+        first, found = len(every) - count, still_stretches(values, times, hold)
+        if found and found[-1][1] > first:  # else it is on its way from there
+            return every[max(found[-1][0], first) :] if found[-1][1] == len(every) else []
+        return every[-count // 2 :] if self.held_s >= LONGER * self.seconds else []
 
     def _moves(self) -> bool:
         values = np.array([s.values for s in self._last])

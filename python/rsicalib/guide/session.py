@@ -18,7 +18,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.guide.advice import Advice, Adviser, explained_id
 from rsicalib.guide.handle import Handle
-from rsicalib.guide.hold import Hold, apart
+from rsicalib.guide.hold import LONGER, Hold, apart
 from rsicalib.guide.log import Log, Sample
 from rsicalib.guide.trouble import Trouble
 from rsicalib.io.files import write_text
@@ -34,8 +34,6 @@ NEAR = 0.06
 """A pose this near its target is taken at once, as a share of what channels can read."""
 SAME = 0.01
 """A pose this near one that was taken is that one."""
-LONGER = 3.0
-"""A pose that is not near its target is taken where it is when it is held this much longer."""
 DECIDING = 12
 """Poses at most to decide what is open, once the target is reached."""
 PARTS = 2.0
@@ -99,7 +97,8 @@ class Session:
     def __post_init__(self) -> None:
         self.channels = self.mechanism.channels
         self.spans = np.array([_span(c) for c in self.channels])
-        self.hold = Hold(self.spans, self.settings.samples, self.settings.seconds)
+        closed = _closed_by_itself(self.mechanism)
+        self.hold = Hold(self.spans, self.settings.samples, self.settings.seconds, closed=closed)
         self._recent: deque[tuple[float, ...]] = deque(maxlen=WATCHED)
         self._lock = threading.RLock()
         self._worker = ThreadPoolExecutor(max_workers=1)
@@ -597,6 +596,13 @@ class Session:
         if spread[worst] > self.hold.loose[worst] / TREMOR:
             self.shaking = self.channels[worst].name
             self.hold.allow(TREMOR * spread)
+
+
+def _closed_by_itself(mechanism: Mechanism) -> bool:
+    """Whether chains carry all that closures join, so that they hold whatever a hand does."""
+    document: dict[str, Any] = mechanism.to_dict()
+    carried = {point["name"] for point in document.get("point", ()) if point.get("chain")}
+    return carried.issuperset(name for c in document.get("closure", ()) for name in c["between"])
 
 
 def _span(channel: Any) -> float:

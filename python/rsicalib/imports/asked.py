@@ -26,7 +26,7 @@ class Asked:
     hold : float, optional
         For how long a stretch must be still to be a held pose [s]; 0 for a recording.
     rate : float, optional
-        Samples per second of a log without times.
+        Samples per second of a log without times, or in place of its times.
     episodes : tuple of int, optional
         Of a data set: only these.
     ranges : tuple of str
@@ -70,7 +70,10 @@ def chosen(
         if len(fits) != 1:
             found = f"no {what} {name!r}" if not fits else f"{len(fits)} of this name"
             hint = f"Those of the log: {', '.join(known)[:300]}."
-            hint += " Say which is which by --channels CHANNEL=NAME,…"
+            if what == "column" and len(known) == 1:
+                hint += " Commas, semicolons or tabs stand between cells: other marks part nothing."
+            else:
+                hint += " Say which is which by --channels CHANNEL=NAME,…"
             expected = f"one {what} for the channel {channel!r}"
             raise InputError.at(
                 source, column=name, found=found, expected=expected, hint=hint, column_word=what

@@ -22,7 +22,7 @@ from rsicalib.imports.log import Log
 from rsicalib.imports.series import in_columns
 from rsicalib.imports.stretches import Recording, session_of
 from rsicalib.imports.times import seconds, time_column
-from rsicalib.io.tables import PARQUET, Table, is_blank, quoted, read_table
+from rsicalib.io.tables import PARQUET, Table, is_blank, numbers, quoted, read_table, text
 
 __all__ = ["read", "whole_rows"]
 
@@ -37,6 +37,7 @@ def read(source: str, asked: Asked) -> Log:
     """
     tables = [in_columns(_whole(read_table(file), asked)) for file in _files(Path(source))]
     parts = [_recording(table, asked) for table in tables]
+    _refuse_timeless(parts[0][0], tables[0], asked)
     findings = list(dict.fromkeys(note for _, notes in parts for note in notes))
     made = [
         session_of(part, asked, table.source)
@@ -81,6 +82,16 @@ def _whole(table: Table, asked: Asked) -> Table:
 def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
     """Rows of the channels, and what was found on the way."""
     notes: list[str] = []
+    named = numbers(table.names)
+    if np.isfinite(named).all() and not np.array_equal(named, np.arange(len(named))):
+        raise InputError.at(
+            table.source,
+            line=table.header,
+            found="numbers",
+            expected="names of columns",
+            hint="Put a header line above them.",
+            line_word=table.line_word,
+        )
     place = time_column(table.names)
     channels = asked.channels
     if channels is None:
@@ -121,6 +132,16 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
     return Recording(tuple(places), values, time, table.lines[keep]), notes
 
 
+def _refuse_timeless(recording: Recording, table: Table, asked: Asked) -> None:
+    """Held poses are found by the time; say how a column of times is called."""
+    if recording.time_s is not None or asked.rate is not None or asked.hold == 0.0:
+        return
+    hint = f"Those of the log: {', '.join(table.names)[:300]}. Name one so, or say how many rows "
+    hint += "there are in a second by --rate HZ, or take the recording as it is by --hold 0."
+    expected = "one called time, timestamp or t, with its unit or without (time_ms)"
+    raise InputError.at(table.source, found="no column of times", expected=expected, hint=hint)
+
+
 def _numeric(table: Table, place: int) -> bool:
     """Whether a column holds numbers; blanks are no others."""
     cells: Sequence[Any] = [c for c in table.columns[place] if not is_blank(c)]
@@ -133,12 +154,15 @@ def _cells(table: Table, place: int, keep: np.ndarray) -> FloatArray:
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         row = int(keep[bad[0]])
+        cell, name = table.columns[place][row], table.names[place]
+        again = "The header stands here once more, or the first line is none."
         raise InputError.at(
             table.source,
             line=int(table.lines[row]),
-            column=table.names[place],
-            found=quoted(table.columns[place][row]),
+            column=name,
+            found=quoted(cell),
             expected="a finite number",
+            hint=again if text(cell) == name else "",
             line_word=table.line_word,
         )
     return values
@@ -182,7 +206,9 @@ def whole_rows(
     if part.size and not skip:
         row = int(part[0])
         missing = [name for name, one in zip(names, there[row], strict=True) if not one]
-        hint = f"{part.size} such rows: leave them out by --skip-bad-rows, or name the "
+        some = bool((count == len(names)).any())
+        out = "leave them out by --skip-bad-rows, or " if some else "and none is whole: "
+        hint = f"{part.size} such rows{': ' if some else ', '}{out}name the "
         hint += "channels that belong together by --channels."
         raise InputError.at(
             source,

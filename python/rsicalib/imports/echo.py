@@ -8,7 +8,7 @@ from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked
 from rsicalib.imports.bags import namespace
 from rsicalib.imports.log import Log
-from rsicalib.imports.ros import Message, log_of
+from rsicalib.imports.ros import STOPPED, Message, log_of
 from rsicalib.io.messages import documents, message_of
 from rsicalib.io.sources import read_text
 
@@ -29,9 +29,8 @@ def read(source: str, asked: Asked) -> Log:
         found = message_of(text)
         if isinstance(found, str):
             expected = "a joint state that is whole"
-            hint = "Where the command was stopped in the middle of a message, delete its lines."
             said = found.removeprefix("found ")
-            raise InputError.at(source, line=line, found=said, expected=expected, hint=hint)
+            raise InputError.at(source, line=line, found=said, expected=expected, hint=STOPPED)
         messages.append((None, namespace(found)))
         lines.append(line)
     if not messages:

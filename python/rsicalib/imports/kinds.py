@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import importlib
 import os
 import re
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +15,7 @@ from typing import Any
 from rsicalib.imports.asked import Asked
 from rsicalib.imports.log import Log
 
-__all__ = ["KINDS", "Kind", "format_of", "whole_of"]
+__all__ = ["KINDS", "Kind", "format_of", "is_table", "whole_of"]
 
 HEAD = 1 << 20
 """Bytes at the head of a file that tell what it is: a log has much talk before its readings."""
@@ -35,6 +37,9 @@ class Kind:
         log: Log = module.read(source, asked)
         return log
 
+
+GZIP = zlib.MAX_WBITS | 16
+"""What zlib calls the format of a gzip file."""
 
 MASLOW = re.compile(rb"CLBM:|\{\s*[\"']?(?:tl|tr|bl|br)[\"']?\s*:")
 KLIPPER = re.compile(rb"^(?:#\*# )?\[(?:stepper_[a-z]|delta_calibrate|printer)\]", re.M)
@@ -79,7 +84,7 @@ def _is_part(file: Path) -> bool:
 
 KINDS = {
     "ros": Kind(
-        "bag of ROS: folder, .mcap, .db3 or .bag", _ros, "ros", "topic when hold skip_bad_rows"
+        "bag of ROS: folder, .mcap, .db3 or .bag", _ros, "ros", "topic when hold rate skip_bad_rows"
     ),
     "echo": Kind(
         "joint states as text: ros2 topic echo, or JSON a line",
@@ -117,15 +122,49 @@ def format_of(source: str | os.PathLike[str]) -> str | None:
     head = b""
     if os.path.isfile(path):
         try:
-            with path.open("rb") as file:
-                head = file.read(HEAD)
-            if head[:2] in (b"\xff\xfe", b"\xfe\xff"):  # who reads it says how to save it
-                head = head.decode("utf-16", "ignore").encode()
+            head = _head(path)
         except OSError:
             return None  # who reads it says why it cannot be read
     elif not os.path.isdir(path):
         return None
     return next((name for name, kind in KINDS.items() if kind.looks_like(path, head)), None)
+
+
+def _head(path: Path) -> bytes:
+    """What a file begins with, text as UTF-8: who reads it says how to save it."""
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        head = head.decode("utf-16", "ignore").encode()
+    return head
+
+
+def is_table(source: str | os.PathLike[str]) -> bool:
+    """Whether a file is a table: Parquet by its name, or text with cells in its first two lines.
+
+    Readings are such tables, too: only who imports a file takes it for one of another program.
+    """
+    path = Path(source)
+    if not os.path.isfile(path):
+        return False
+    if path.suffix.lower() in PARQUET:
+        return True
+    try:
+        head = _head(path)
+        if head.startswith(b"\x1f\x8b"):  # one that is cut has a head, too
+            head = zlib.decompressobj(GZIP).decompress(head, HEAD)
+    except (OSError, zlib.error):
+        return False
+    lines = head.decode("utf-8-sig", "replace").splitlines()
+    lines = [line for line in lines if line.strip() and not line.startswith("#")][:2]
+    if len(lines) < 2 or "\0" in lines[0] + lines[1] or lines[0].startswith(("{", "[")):
+        return False
+    mark = next((mark for mark in ",;\t" if mark in lines[0]), ",")
+    try:
+        rows = list(csv.reader(lines, delimiter=mark))
+    except csv.Error:
+        return False
+    return len(rows) == 2 and len(rows[0]) == len(rows[1]) > 1
 
 
 def whole_of(source: str | os.PathLike[str]) -> Path | None:

@@ -19,7 +19,7 @@ from rsicalib.imports.lerobot_ranges import read_ranges
 from rsicalib.imports.lerobot_rows import episodes, short_floats
 from rsicalib.imports.log import Log
 from rsicalib.imports.stretches import Recording
-from rsicalib.imports.teleop import FOLLOWER, LEADER, Teleop, short_names
+from rsicalib.imports.teleop import FOLLOWER, LEADER, POSITION, Teleop, short_names
 from rsicalib.io.sources import read_json
 
 __all__ = ["read"]
@@ -45,7 +45,9 @@ def read(source: str, asked: Asked) -> Log:
     root = Path(source)
     info = _checked(root / "meta" / "info.json")
     version = info["codebase_version"]
-    names = {key: _names(info, key, root) for key in SIDES if key in info["features"]}
+    features = {key: _names(info, key, root) for key in SIDES if key in info["features"]}
+    taken = {key: _positions(names) for key, names in features.items()}
+    names = {key: short_names([features[key][k] for k in at]) for key, at in taken.items()}
     if "observation.state" not in names:
         found, expected = "no such feature", "positions of the arm"
         where = str(root / "meta" / "info.json")
@@ -54,7 +56,9 @@ def read(source: str, asked: Asked) -> Log:
     recordings, digest = [], hashlib.sha256()
     for episode, rows, lines in episodes(root, info, [*names], asked.episodes):
         place = f"{source}, episode {episode}"
-        values = np.column_stack([_matrix(rows[key], names[key], key, place) for key in names])
+        values = np.column_stack(
+            [_matrix(rows[key], features[key], key, place)[:, taken[key]] for key in names]
+        )
         digest.update(values.tobytes())
         time = short_floats(rows["timestamp"]) if "timestamp" in rows else None
         if time is None:
@@ -67,6 +71,9 @@ def read(source: str, asked: Asked) -> Log:
     if not sessions:
         expected = "rows in which no joint is clamped at the end of its range"
         raise InputError.at(source, found="none", expected=expected)
+    others = [n for key, at in taken.items() for k, n in enumerate(features[key]) if k not in at]
+    if others:
+        findings.append(f"no positions, and not taken: {', '.join(dict.fromkeys(others))}")
     if "action" not in names:
         findings.append("no action: there is no leader to compare with")
     words = f"LeRobot data set {version}"
@@ -104,8 +111,13 @@ def _checked(path: Path) -> dict[str, Any]:
     return info
 
 
+def _positions(names: list[str]) -> list[int]:
+    """Places of the positions in a feature: where some say what they are, those that say so."""
+    return [k for k, name in enumerate(names) if name.endswith(POSITION)] or [*range(len(names))]
+
+
 def _names(info: dict[str, Any], key: str, root: Path) -> list[str]:
-    """Joints of a feature, by their short names."""
+    """What a feature holds, as the data set calls it."""
     feature = info["features"][key]
     names = feature.get("names")
     while isinstance(names, dict) and len(names) == 1:  # {"motors": [...]}, {"axes": [...]}
@@ -120,7 +132,7 @@ def _names(info: dict[str, Any], key: str, root: Path) -> list[str]:
         place = f"features.{key}.names"
         found, expected = f"{names!r}"[:80], "a name for each joint, each once"
         raise InputError.at(where, column=place, found=found, expected=expected, column_word="")
-    return short
+    return list(names)
 
 
 def _matrix(cells: list[Any], names: list[str], key: str, place: str) -> FloatArray:

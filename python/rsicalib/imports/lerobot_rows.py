@@ -82,8 +82,9 @@ def _files(root: Path, info: dict[str, Any], wanted: Sequence[int]) -> list[Path
 def _table(file: Path, keys: Sequence[str]) -> Any:
     """The columns of a file."""
     if not file.is_file():
+        hint = "Fetch it, or read the episodes that there are by --episodes N,…"
         expected = "rows of the data set"
-        raise InputError.at(str(file), found="no such file", expected=expected)
+        raise InputError.at(str(file), found="no such file", expected=expected, hint=hint)
     parquet = needed("pyarrow.parquet", str(file), "a LeRobot data set")
     with read_by("pyarrow", str(file), "rows of the data set"):
         names = parquet.ParquetFile(file).schema_arrow.names

@@ -18,7 +18,7 @@ from rsicalib.arrays import IntArray
 from rsicalib.facts.records import to_json
 from rsicalib.facts.warned import Warned
 from rsicalib.io.cells import MechanismLike
-from rsicalib.io.folders import IMPORT, MARK, Sealed
+from rsicalib.io.folders import IMPORT, MARK, OF_LOG, Sealed
 from rsicalib.io.readings import Readings, readings_of_table
 from rsicalib.io.tables import Table
 from rsicalib.tabular import Told
@@ -141,7 +141,7 @@ class Log(Told, Sealed):
                 files[f"motion{tail}.csv"] = session.motion.csv()
         if self.mechanism is not None:
             head = f"# {MARK} {_core.__version__} from {Path(self.source).name}\n"
-            files["mechanism.toml"] = head + self.mechanism
+            files[OF_LOG] = head + self.mechanism
         digests = {n: hashlib.sha256(t.encode()).hexdigest() for n, t in files.items()}
         return {**files, IMPORT: to_json({**self.to_dict(), "files": digests})}
 

@@ -10,7 +10,7 @@ from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked
 from rsicalib.imports.extras import wrapped
-from rsicalib.imports.kinds import KINDS, format_of, whole_of
+from rsicalib.imports.kinds import KINDS, format_of, is_table, whole_of
 from rsicalib.imports.log import Log
 from rsicalib.options import checked
 from rsicalib.plain_text import meant
@@ -54,7 +54,7 @@ def import_log(
     hold : float, optional
         For how long a stretch must be still to be a held pose [s]; 0 takes the recording as it is.
     rate : float, optional
-        Samples per second of a log without times.
+        Samples per second of a log without times, or in place of its times.
     episodes : sequence of int, optional
         Of a data set: only these; all where not given.
     ranges : sequence of path, optional
@@ -78,6 +78,8 @@ def import_log(
     name = os.fsdecode(source)
     if format is None:
         format = format_of(name)
+        if format is None and whole_of(name) is None and is_table(name):
+            format = "columns"
         if format is None:
             found, expected, hint = _unknown(name)
             raise InputError.at(name, found=found, expected=expected, hint=hint)
@@ -108,15 +110,17 @@ def _unknown(name: str) -> tuple[str, str, str]:
     """What is wrong with a source of no known kind: found, expected, and what to do."""
     if not os.path.exists(name):
         return "no such file", "the log of another program", ""
+    hint = wrapped(name)
+    if hint:
+        return "no log of a known kind", "the log of another program", hint
     expected = f"one of: {', '.join(f'{k} ({f.words})' for k, f in KINDS.items())}"
     whole = whole_of(name)
     if whole is not None:
         return "a part of a LeRobot data set", f"its folder, {whole}", ""
     if os.path.isfile(name) and not os.path.getsize(name):
         return "an empty file", expected, ""
-    hint = "A CSV or Parquet file with other names: --format columns. Readings whose columns are "
-    hint += "called as the channels need no import."
-    return "no log of a known kind", expected, wrapped(name) or hint
+    hint = "A table needs a header line, and commas, semicolons or tabs between its cells."
+    return "no log of a known kind", expected, hint
 
 
 def joints_of(mechanism: str | os.PathLike[str] | Mapping[str, Any] | Mechanism) -> dict[str, str]:

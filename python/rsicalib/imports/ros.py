@@ -31,6 +31,9 @@ Message = tuple[int | None, Any]
 COMMANDS = ("command", "cmd", "target", "desired", "goal", "reference", "setpoint")
 """Parts of the names of topics that carry what was asked for, not what was measured."""
 
+STOPPED = "Where the command was stopped in the middle of a message, delete its lines."
+"""What to do with a last message that is not whole, of those that were printed as text."""
+
 FINEST = 2 * np.pi / 2**19
 """An encoder that resolves less [rad] shows its noise where it stands still."""
 
@@ -89,7 +92,8 @@ def _topic(bag: Bag, asked: str | None, source: str) -> str:
     if len(states) != 1:
         found = f"{len(states)} topics with joint states" if states else "no joint states"
         hint = f"Say which by --topic: {', '.join(states)}." if states else ""
-        hint = hint or f"Its topics: {', '.join(bag.topics)[:300]}."
+        all_topics = ", ".join(f"{name} ({kind})" for name, kind in bag.topics.items())
+        hint = hint or f"Its topics: {all_topics[:300]}."
         raise InputError.at(source, found=found, expected=f"one topic of {STATE}", hint=hint)
     return states[0]
 
@@ -141,8 +145,17 @@ def log_of(
     there = np.zeros(table.shape, dtype=bool)
     for row, at in enumerate(positions):
         for column, joint in enumerate(joints):
-            if joint in at:
-                table[row, column], there[row, column] = at[joint], True
+            if joint not in at:
+                continue
+            if not _finite(at[joint]):
+                raise InputError.at(
+                    source,
+                    line=int(lines[row]),
+                    found=f"no finite position of {joint}",
+                    expected="finite positions",
+                    line_word=word,
+                )
+            table[row, column], there[row, column] = at[joint], True
     keep, others = whole_rows(there, joints, lines, source, asked.skip_bad_rows, word)
     time, findings = _times([messages[row] for row in keep.tolist()], lines[keep], source, word)
     values = table[keep]
@@ -172,7 +185,10 @@ def _positions(message: Any, number: int, source: str, word: str) -> dict[str, f
     """Positions by joint; refused where they do not belong together."""
 
     def refuse(found: str, expected: str) -> InputError:
-        return InputError.at(source, line=number, found=found, expected=expected, line_word=word)
+        hint = STOPPED if word == "line" else ""
+        return InputError.at(
+            source, line=number, found=found, expected=expected, hint=hint, line_word=word
+        )
 
     lists: list[Any] = [getattr(message, field, None) for field in ("name", "position")]
     if any(one is None or isinstance(one, str) or not hasattr(one, "__len__") for one in lists):
@@ -185,9 +201,6 @@ def _positions(message: Any, number: int, source: str, word: str) -> dict[str, f
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise refuse(f"{twice[0]} twice", "each joint once")
-    wrong = [n for n, p in zip(names, positions, strict=True) if not _finite(p)]
-    if wrong:
-        raise refuse(f"no finite position of {wrong[0]}", "finite positions")
     return dict(zip(names, positions, strict=True))
 
 

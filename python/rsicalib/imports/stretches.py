@@ -92,24 +92,29 @@ def session_of(
             line_word="row",
         )
     time = recording.time_s
-    if time is None and asked.rate is not None:
+    if asked.rate is not None:
         time = np.arange(len(recording.lines)) / asked.rate
     inside = recording.inside
-    back = np.zeros(0) if time is None else np.flatnonzero(np.diff(time) < 0.0)
-    notes = []
-    if back.size:
-        first = int(recording.lines[back[0] + 1])
-        notes = [f"the time goes back {back.size} times, first at row {first} of the log"]
+    notes = [] if time is None else _told(recording, time)
     if hold == 0.0:
         return _rows(recording, time, inside, None, asked), notes
+    hint = "Say it by --rate HZ, or take the recording as it is by --hold 0."
     if time is None:
         found, expected = "no times", "times, or how many rows there are in a second"
-        hint = "Say it by --rate HZ, or take the recording as it is by --hold 0."
+        raise InputError.at(source, found=found, expected=expected, hint=hint)
+    apart = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
+    if apart == 0.0:
+        found = "times that most rows share with the row before"
+        expected = "a time for each row, or how many rows there are in a second"
         raise InputError.at(source, found=found, expected=expected, hint=hint)
     stretches = still_stretches(recording.values, time, hold, inside)
     rule = f"still for {hold:g} s or more, each channel in its own noise"
     if not stretches:
         said = f"no stretch is {rule}: taken as a recording (--hold says another time)"
+        if hold < apart < np.inf:
+            said = f"rows are {apart:g} s apart, more than the {hold:g} s of a held pose: taken as "
+            said += "a recording; where the time is not in seconds, let its name end with its unit "
+            said += "(time_ms), or say --rate HZ"
         return _rows(recording, time, inside, None, asked), [*notes, said]
     pose = np.zeros(len(time), dtype=np.int64)
     for number, (start, end) in enumerate(stretches, 1):
@@ -120,6 +125,25 @@ def session_of(
     moving = (pose == 0) if inside is None else (pose == 0) & inside
     motion = _rows(recording, time, moving, None, asked) if moving.any() else None
     return Session(session.columns, session.lines, session.name, motion), [*notes, said]
+
+
+def _told(recording: Recording, time: FloatArray) -> list[str]:
+    """What there is to say of the times of rows: where they go back, and which come twice."""
+    steps, notes = np.diff(time), []
+    back = np.flatnonzero(steps < 0.0)
+    if back.size:
+        first = int(recording.lines[back[0] + 1])
+        count = "once" if back.size == 1 else f"{back.size} times, first"
+        notes.append(f"the time goes back {count}, at row {first} of the log")
+    same = steps == 0.0
+    if same.any():
+        alike = same & np.all(np.diff(recording.values, axis=0) == 0.0, axis=1)
+        first = int(recording.lines[np.flatnonzero(same)[0] + 1])
+        notes.append(
+            f"{same.sum()} rows have the time of the row before, first row {first} of the log; "
+            f"{alike.sum()} have its readings too: a reading that is written twice counts twice"
+        )
+    return notes
 
 
 def _rows(

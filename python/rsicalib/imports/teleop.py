@@ -18,9 +18,12 @@ from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.log import Session
 from rsicalib.imports.stretches import Recording, session_of
 
-__all__ = ["FOLLOWER", "LEADER", "Teleop", "short_names", "ticks"]
+__all__ = ["FOLLOWER", "LEADER", "POSITION", "Teleop", "short_names", "ticks"]
 
 LEADER, FOLLOWER = "leader_", "follower_"
+
+POSITION = ".pos"
+"""What the name of a position ends with, where names say what they are: a base has `x.vel`."""
 
 FULL = 100.0
 """Percent at the end of a range."""
@@ -216,7 +219,7 @@ def _is_gripper(name: str) -> bool:
 
 def short_names(names: Sequence[str]) -> list[str]:
     """Joints by the names that recent and earlier data sets share: `main_elbow.pos` is `elbow`."""
-    return [name.removesuffix(".pos").removeprefix("main_") for name in names]
+    return [name.removesuffix(POSITION).removeprefix("main_") for name in names]
 
 
 def ticks(percent: FloatArray) -> int | None:

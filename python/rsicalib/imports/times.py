@@ -18,8 +18,13 @@ NAMES = (
 )
 """What a column of times is called, with the unit behind it or not."""
 
-UNITS = {"_ns": 9, "_us": 6, "_ms": 3, "_s": 0, "(ns)": 9, "(us)": 6, "(ms)": 3, "(s)": 0}
-"""Decimals of a second that a name says."""
+DECIMALS = {"ns": 9, "nsec": 9, "us": 6, "usec": 6, "ms": 3, "msec": 3, "s": 0, "sec": 0}
+UNITS = {
+    form.format(unit): decimals
+    for form in ("_{}", "({})", "[{}]")
+    for unit, decimals in DECIMALS.items()
+}
+"""Decimals of a second that the end of a name says."""
 
 EPOCH = {9: "nanoseconds", 6: "microseconds", 3: "milliseconds", 0: "seconds"}
 """Decimals of a second in which times since 1970 are counted."""

@@ -135,7 +135,8 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
     for name in needed:
         if name not in index:
             expected = f"a column '{name}' ({_role(name, mechanism)})"
-            raise refuse(name, "no such column", expected, _header_hint(name, table.names, used))
+            hint = _header_hint(name, table.names, used) + _by_import(name, table, mechanism)
+            raise refuse(name, "no such column", expected, hint)
     poses = [name for name in POSE if name in index and name not in needed]
     missing = [name for name in POSE if name not in index]
     places = poses == [*"xyz"] and len(missing) == len("xyz")  # without an orientation
@@ -175,6 +176,16 @@ def _header_hint(name: str, names: list[str], known: Container[str]) -> str:
         return "The first line holds numbers; put a header line above it."
     hint = meant(name, [other for other in names if other not in known])
     return f"The columns are: {', '.join(names)[:200]}{hint}."
+
+
+def _by_import(name: str, table: Table, mechanism: MechanismLike) -> str:
+    """How a file of another program gets the column."""
+    if table.line_word == "row" or name in mechanism.value_columns:
+        return ""
+    if name in mechanism.key_columns:
+        return f" One text in every row: rsicalib import --labels {name}=TEXT."
+    where = f"with --channels {name}=COLUMN where names differ"
+    return f" A file of another program: rsicalib import, {where}."
 
 
 def read_cells(

@@ -20,10 +20,22 @@ from typing import ClassVar
 from rsicalib.errors import InputError
 from rsicalib.io.files import write_bytes, write_text
 
-__all__ = ["EXPORT", "IMPORT", "MARK", "TRUTH", "Sealed", "refuse_foreign", "write_folder"]
+__all__ = [
+    "EXPORT",
+    "IMPORT",
+    "MARK",
+    "OF_LOG",
+    "TRUTH",
+    "Sealed",
+    "refuse_foreign",
+    "write_folder",
+]
 
 MARK = "Written by rsicalib"
 """A line with these words marks a text file that may be replaced."""
+
+OF_LOG = "mechanism.toml"
+"""The mechanism that the log of another program brought along."""
 
 OURS = re.compile(rb'"format":\s*"rsicalib\.|\A[^\n]*,why\r?\n|' + MARK.encode())
 ENDS = 4096

@@ -92,6 +92,8 @@ class _Reading:
                 self._distance(f"{body}: {a} to {b}", a, b, float(np.linalg.norm(p - q)))
         if not self.closures:
             found, expected = "no active <connect>, <weld> or <joint>", "what closes a loop"
+            if self.ratios:
+                found += f" beside {', '.join(self.ratios)}, which only follows another joint"
             model.refuse(model.bodies["world"].element, found=found, expected=expected)
         channels = [
             {"name": n, "unit": "rad" if j.kind == HINGE else "m", "gain": 1.0, "offset": 0.0}

@@ -259,14 +259,17 @@ def write_urdf(
     *,
     offsets: Mapping[str, float] | None = None,
     gains: Mapping[str, float] | None = None,
+    zeros: Mapping[str, float] | None = None,
 ) -> UrdfExport:
     """Write calibrated rows back into the robot description that they came from.
 
     The origins of joints on the path are rewritten so that, with readings as
     joint values, the tip is where the rows put it, to rounding. Each stretch
     between two moving joints is corrected in the origin of the joint that ends
-    it, the last in the fixed joint at the tip; other joints, axes, limits and
-    inertials stay as they are, and origins that did not change do too.
+    it, the last in the fixed joint at the tip; other joints, axes and
+    inertials stay as they are, and origins that did not change do too. Limits
+    move with `zeros` alone: where readings are counted from another place than
+    the document's joint values.
 
     Parameters
     ----------
@@ -276,6 +279,8 @@ def write_urdf(
         The calibrated chain: the same joints in the same order, all else free.
     offsets : mapping of str to float, optional
         Joint coordinate at reading zero, by channel [rad or m]; 0 if not named.
+    zeros : mapping of str to float, optional
+        The same as it was declared, before a calibration; 0 if not named.
     gains : mapping of str to float, optional
         Joint coordinate per reading, by channel; 1 if not named. A URDF has no
         place for another: a note says by what to multiply the reading.
@@ -323,6 +328,8 @@ def write_urdf(
             else:
                 tip = edits.add_link(tip, wanted)
     for move in path.moves:
+        if move.ratio is None:
+            edits.limits(move.step.joint, -float((zeros or {}).get(move.channel, 0.0)))
         gain = float(gains.get(move.channel, 1.0))
         if gain != 1.0:
             edits.notes.append(
@@ -451,6 +458,15 @@ class _Edits:
             return
         start, end = element.start, self._tag_end(element.start)
         values = {"multiplier": repr(float(ratio)), "offset": repr(float(offset))}
+        self.edits.append((start, end, _with_attributes(self.data[start:end], values)))
+
+    def limits(self, joint: Joint, by: float) -> None:
+        """Moves the limits of a joint."""
+        found, element = joint.limits(), joint.element.child("limit")
+        if element is None or found is None or by == 0.0:
+            return
+        start, end = element.start, self._tag_end(element.start)
+        values = dict(zip(("lower", "upper"), (repr(value + by) for value in found), strict=True))
         self.edits.append((start, end, _with_attributes(self.data[start:end], values)))
 
     def _tag_end(self, start: int) -> int:

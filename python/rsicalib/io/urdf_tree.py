@@ -65,6 +65,7 @@ def refuse(
 def how_to_expand(file: str) -> str:
     """What to do with a xacro."""
     plain = file.removesuffix(".xacro").removesuffix(".urdf") + ".urdf"
+    plain = plain if plain != file else file.removesuffix(".urdf") + "_plain.urdf"
     return f"Expand the xacro first: xacro {file} -o {plain}"
 
 

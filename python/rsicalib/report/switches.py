@@ -19,7 +19,7 @@ from rsicalib.report.hypotheses import (
 )
 from rsicalib.report.residuals import Dots, draw_residuals
 from rsicalib.report.scene import Scene
-from rsicalib.report.words import name_of, number, subject
+from rsicalib.report.words import misclosure_unit, name_of, number, subject
 from rsicalib.report.workspace import Shades
 
 __all__ = ["data_of", "switchboard_html", "words_of"]
@@ -80,7 +80,7 @@ def switchboard_html(
     if known:
         words = "Take out one effect, or take back a reading, at a time"
         switches = f"<details><summary>{words}</summary>{switches}</details>"
-    names = ["χ² / degrees of freedom", "p-value", f"misclosure, rms [{unit}]"]
+    names = ["χ² / degrees of freedom", "p-value", f"misclosure, rms [{misclosure_unit(result)}]"]
     if any(one.check is not None for one in known):
         names += [f"position, check poses [{unit}]", "orientation, check poses [rad]"]
     now = data["hypotheses"][data["named"]]["error"] if known else shown["error"]

@@ -33,6 +33,7 @@ __all__ = [
     "labelled",
     "law_words",
     "listed_words",
+    "misclosure_unit",
     "name_of",
     "noise_words",
     "not_applied",
@@ -376,7 +377,7 @@ def comparison(result: ResultShape) -> tuple[tuple[str, str], list[ErrorRow]]:
     rows = [
         ErrorRow("chi2", "χ² / degrees of freedom", *both(ratio)),
         ErrorRow("p_value", "p-value", *both(chance)),
-        ErrorRow("misclosure", f"misclosure, rms [{unit}]", *misclosures),
+        ErrorRow("misclosure", f"misclosure, rms [{misclosure_unit(result)}]", *misclosures),
         ErrorRow("held_out", "held-out χ² per degree of freedom", *both(held_out)),
     ]
     for key, words in (("check", ""), ("aligned", ", aligned")):
@@ -392,6 +393,11 @@ def comparison(result: ResultShape) -> tuple[tuple[str, str], list[ErrorRow]]:
         )
     rows += _touched(result)
     return heads, [row for row in rows if row.before is not None or row.after is not None]
+
+
+def misclosure_unit(result: ResultShape) -> str:
+    """Of length, or of the coordinates that a machine without lengths makes equal."""
+    return quality(result).misclosure_unit or result.length_unit
 
 
 def _known(value: float | None) -> str | None:

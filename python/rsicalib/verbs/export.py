@@ -144,6 +144,7 @@ def export_urdf(mechanism: MechanismArg, calibration: CalibrationArg) -> dict[st
     found = calibrated(mechanism, calibration)
     chains = {chain["name"]: chain for chain in found.mechanism.to_dict()["chain"]}
     sensors = {channel.name: channel for channel in found.mechanism.channels}
+    declared = {channel.name: channel.offset for channel in open_mechanism(mechanism).channels}
     texts: dict[Path, str] = {}
     notes: dict[Path, list[str]] = {}
     for path, source in sources:
@@ -159,6 +160,7 @@ def export_urdf(mechanism: MechanismArg, calibration: CalibrationArg) -> dict[st
             rows,
             offsets={name: sensors[name].offset for name in own},
             gains={name: sensors[name].gain for name in own},
+            zeros={name: declared[name] for name in own},
         )
         texts[path] = export.text
         notes.setdefault(path, []).extend(export.notes)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,6 +17,7 @@ from rsicalib.imports.kinds import format_of
 from rsicalib.imports.log import Log
 from rsicalib.imports.opening import import_log
 from rsicalib.io.builtin import BUILTIN, DEFAULT
+from rsicalib.io.folders import OF_LOG
 from rsicalib.io.frames import TableArg, as_table, in_memory
 from rsicalib.io.readings import Readings, load_readings
 from rsicalib.plain_text import meant
@@ -74,7 +76,10 @@ def earlier_result(
     where = "calibration" if result is calibration else os.fspath(calibration)  # type: ignore[arg-type]
     if result.mechanism != mechanism.name:
         found = f"a calibration of {result.mechanism!r}"
-        raise InputError.at(where, found=found, expected=f"one of {mechanism.name!r}")
+        beside = Path(where).parent / OF_LOG
+        its = beside if result is not calibration and beside.is_file() else "FILE"
+        hint = f"Its own mechanism: --mechanism {its}."
+        raise InputError.at(where, found=found, expected=f"one of {mechanism.name!r}", hint=hint)
     if result.length_unit != mechanism.length_unit:
         found, expected = f"lengths in {result.length_unit!r}", f"{mechanism.length_unit!r}"
         expected += f", as the mechanism {mechanism.name!r} has them"

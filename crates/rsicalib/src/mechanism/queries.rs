@@ -226,6 +226,15 @@ impl Mechanism {
         (0..self.closures.len()).any(|k| self.is_on_plane(k) || self.is_on_line(k))
     }
 
+    /// A channel and those whose coordinates closures make equal to its own; none without such a closure.
+    pub(crate) fn made_equal(&self, channel: usize) -> Vec<usize> {
+        let name = self.channels.get(channel).map(|c| &c.name);
+        let equal = |c: &&Closure| c.kind.facts().between() == [Part::Channel; 2];
+        let its = self.closures.iter().filter(equal).map(|c| &c.between);
+        let its = its.filter(|between| between.iter().any(|one| Some(one) == name)).flatten();
+        its.filter_map(|one| self.channels.iter().position(|c| c.name == *one)).collect()
+    }
+
     /// True for a channel of a joint.
     pub(crate) fn moves_joint(&self, channel: usize) -> bool {
         let name = self.channels.get(channel).map(|c| &c.name);

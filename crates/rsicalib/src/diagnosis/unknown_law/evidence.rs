@@ -9,7 +9,8 @@
 //! ```
 //!
 //! `L` is averaged over amplitudes `τ` and smoothness `s`: so a law is charged for what data must tell
-//! of it, and for nothing else.
+//! of it, and for nothing else. Where a closure makes two coordinates equal, what is linear in either is a
+//! gain, which shrinks that closure to nothing beside the gain of the other: laws are orthogonal to it.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -35,11 +36,13 @@ pub struct Errors {
     gradient: Vec<f64>,
     /// `Qᵀ a` of each sample.
     absorbed: Vec<Vec<f64>>,
+    /// Orthonormal functions of the samples that no law has a part of.
+    apart: Vec<Vec<f64>>,
 }
 
 impl Errors {
-    /// Of a channel in samples at a fit.
-    pub fn of(at: &AtFit, rows: &[usize], channel: usize) -> Self {
+    /// Of a channel in samples at a fit, by laws that have no part of the functions `apart`.
+    pub fn of(at: &AtFit, rows: &[usize], channel: usize, apart: &[Vec<f64>]) -> Self {
         let (mut square, mut gradient, mut absorbed) = (Vec::new(), Vec::new(), Vec::new());
         for &row in rows {
             let (mut aa, mut ar, mut aq) = (0.0, 0.0, vec![0.0; at.rank()]);
@@ -53,7 +56,7 @@ impl Errors {
             gradient.push(ar - dot(&aq, &at.pull));
             absorbed.push(aq);
         }
-        Self { square, gradient, absorbed }
+        Self { square, gradient, absorbed, apart: apart.to_vec() }
     }
 
     /// True where they show in some equation.
@@ -63,7 +66,7 @@ impl Errors {
 
     /// How likely a law of these variables is, beside a fit of which χ² is `chi2`.
     pub fn evidence(&self, variables: &[&Variable], data: &Data, chi2: f64) -> Evidence {
-        let basis = Basis::of(variables, self.square.len());
+        let basis = Basis::of(variables, self.square.len(), &self.apart);
         let m = basis.degrees.len();
         let (square, gradient) = self.normal(&basis);
         let usual = self.square.iter().sum::<f64>() / self.square.len().max(1) as f64;
@@ -95,7 +98,7 @@ impl Errors {
     /// Root mean square over the samples of the likeliest errors by a law of these variables, of which
     /// `evidence` is known, in the unit of readings: those of the posterior mean of `b`.
     pub fn size(&self, variables: &[&Variable], evidence: &Evidence) -> f64 {
-        let basis = Basis::of(variables, self.square.len());
+        let basis = Basis::of(variables, self.square.len(), &self.apart);
         let (square, gradient) = self.normal(&basis);
         let m = basis.degrees.len();
         let sd = |j: usize| evidence.tau2.sqrt() * basis.degrees[j].powf(-evidence.smooth);
@@ -163,7 +166,7 @@ struct Basis {
 }
 
 impl Basis {
-    fn of(variables: &[&Variable], samples: usize) -> Self {
+    fn of(variables: &[&Variable], samples: usize, apart: &[Vec<f64>]) -> Self {
         let most = DEGREES[variables.len() - 1];
         let one = |function: Option<&Function>, p: usize| function.map_or(1.0, |f| f.values[p]);
         let degree = |function: Option<&Function>| function.map_or(0, |f| f.degree);
@@ -179,6 +182,11 @@ impl Basis {
         let mut values = Vec::with_capacity(samples * pairs.len());
         for p in 0..samples {
             values.extend(pairs.iter().map(|[a, b]| one(*a, p) * one(*b, p)));
+        }
+        for (j, way) in (0..pairs.len()).flat_map(|j| apart.iter().map(move |way| (j, way))) {
+            let column = || (0..samples).map(|p| p * pairs.len() + j);
+            let part: f64 = column().zip(way).map(|(k, w)| values[k] * w).sum();
+            column().zip(way).for_each(|(k, w)| values[k] -= part * w);
         }
         let degrees = pairs.iter().map(|[a, b]| (degree(*a) + degree(*b)) as f64).collect();
         Self { degrees, values }
@@ -215,8 +223,24 @@ mod tests {
             square: a.iter().map(|a| a * a).collect(),
             gradient: a.iter().zip(&r).map(|(a, r)| a * r).collect(),
             absorbed: a.iter().zip(&q).map(|(a, q)| vec![a * q]).collect(),
+            apart: Vec::new(),
         };
         (errors, a, q, r)
+    }
+
+    #[test]
+    fn a_law_has_no_part_of_what_is_apart() {
+        let n = 12;
+        let waves: Vec<f64> = (0..n).map(|p| (0.9 * p as f64 + 0.3).sin()).collect();
+        let x = Variable::of(Quantity::Theta(0), waves).expect("what changes");
+        let apart = DVector::from_vec(x.values.clone()).normalize();
+        let basis = Basis::of(&[&x], n, &[apart.as_slice().to_vec()]);
+        let m = basis.degrees.len();
+        let columns = DMatrix::from_row_slice(n, m, &basis.values);
+        // Sums of a dozen products of about one.
+        assert!((columns.transpose() * &apart).amax() < 1e-13);
+        assert!(columns.column(0).norm() < 1e-13, "what is linear alone is gone");
+        assert!(columns.column(1).norm() > 1.0, "what bends is not");
     }
 
     #[test]
@@ -232,7 +256,7 @@ mod tests {
         let data = Data { scale: Scale::Known(f64::INFINITY), dof: n as f64 };
         for variables in [vec![&x], vec![&x, &y], vec![&plays], vec![&x, &plays]] {
             let got = errors.evidence(&variables, &data, r.norm_squared()).price;
-            let basis = Basis::of(&variables, n);
+            let basis = Basis::of(&variables, n, &[]);
             let m = basis.degrees.len();
             let z = DMatrix::from_fn(n, m, |p, j| a[p] * basis.values[p * m + j]);
             let plain = DMatrix::identity(n, n) + &q * q.transpose() * FITTED;

@@ -208,8 +208,9 @@ fn likeliest(
 ) -> Option<Scan> {
     let observations = beside[0].at.observations;
     let scans = workers::map(0..observations.readings.channels, |channel| {
+        let gains = gain_of(observations, variables, channel);
         let errors: Vec<Errors> =
-            beside.iter().map(|one| Errors::of(&one.at, rows, channel)).collect();
+            beside.iter().map(|one| Errors::of(&one.at, rows, channel, &gains)).collect();
         if !errors[0].show() {
             return None;
         }
@@ -239,9 +240,23 @@ fn likeliest(
     Some(Scan { price: best.price + 2.0 * places.ln(), ..best })
 }
 
+/// A constant and the readings of a channel as orthonormal functions of the samples, where a closure makes
+/// its coordinate equal to another: what is linear in them is a gain. Nothing elsewhere.
+fn gain_of(observations: &Observations, variables: &[Variable], channel: usize) -> Vec<Vec<f64>> {
+    let equal = observations.mechanism.made_equal(channel);
+    let own = variables.iter().find(|v| v.quantity == Quantity::Theta(channel));
+    let Some(own) = own.filter(|_| !equal.is_empty()) else { return Vec::new() };
+    let n = own.values.len() as f64;
+    let mean = own.values.iter().sum::<f64>() / n;
+    let length = own.values.iter().map(|v| (v - mean).powi(2)).sum::<f64>().sqrt();
+    let linear = own.values.iter().map(|v| (v - mean) / length).collect();
+    vec![vec![n.sqrt().recip(); own.values.len()], linear]
+}
+
 /// The sets of variables that a law of a channel may have: any one that no term has as a free curve,
 /// its own reading with any other, and two of its chain, of which one is of the pose. What is of the
-/// way to a pose has a partner only where one of both is the channel's own.
+/// way to a pose has a partner only where one of both is the channel's own. What a closure makes equal to
+/// the channel is its own reading and the residual.
 fn sets(observations: &Observations, variables: &[Variable], channel: usize) -> Vec<Vec<usize>> {
     let chain = |c: usize| observations.mechanism.chain_of(c);
     let near = |v: usize| {
@@ -255,9 +270,15 @@ fn sets(observations: &Observations, variables: &[Variable], channel: usize) -> 
     };
     let way = |v: usize| variables[v].quantity.of_way();
     let term = |v: usize| own(v) || variables[v].quantity == Quantity::Time;
-    let all = 0..variables.len();
+    let equal = observations.mechanism.made_equal(channel);
+    let residual = |v: usize| match variables[v].quantity {
+        Quantity::Theta(c) => c != channel && equal.contains(&c),
+        _ => false,
+    };
+    let all = (0..variables.len()).filter(|v| !residual(*v));
     let singles = all.clone().filter(|&v| !term(v)).map(|v| vec![v]);
-    let pairs = all.clone().flat_map(|v| (0..v).map(move |w| (w, v)));
+    let pairs =
+        all.clone().flat_map(|v| all.clone().take_while(move |w| *w < v).map(move |w| (w, v)));
     let pairs = pairs.filter(|&(w, v)| match (way(w), way(v)) {
         (true, true) => false,
         (false, false) => own(v) || own(w) || (near(v) && near(w)),
