@@ -91,7 +91,7 @@ impl StepSums {
     /// little, and what a move explains by that is given back.
     ///
     /// ```text
-    /// k ln(1 + g) + T/(1 + g) = ln |1 + g R| + uᵀ S⁻¹ u - g uᵀ D (1 + g R)⁻¹ D u / r              (153)
+    /// k ln(1 + g) + T/(1 + g) = ln |1 + g R| + uᵀ S⁻¹ u - g uᵀ D (1 + g R)⁻¹ D u / r              (154)
     ///     S = ZᵀZ - (QᵀZ)ᵀ QᵀZ,   r = max diag(D S D),   R = D S D / r,   g = T/rank
     /// ```
     ///
