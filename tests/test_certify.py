@@ -95,6 +95,25 @@ def test_the_expanded_uncertainty_is_that_of_plain_differences_and_draws(
     assert found.expanded == pytest.approx(np.quantile(largest, 0.95), rel=0.04)
     assert found.median == pytest.approx(np.median(largest), rel=0.02)
     u = np.sqrt(np.einsum("kpi,kl,lpi->p", by_parameter, traced.covariance, by_parameter)).max()
+    # Of a result that leaves something, check points say by how much the parameters are off.
+    ratio, dof = 3.0, 8.0
+    values["verdict"] = "partly_explained"
+    predicted = values["after"]["check"]["predicted"]
+    predicted["chi2"], predicted["dof"] = ratio * dof, dof
+    left = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=1.0, at=poses)
+    assert left.decision == "within" and "20 check points: 1.7 times" in left.reasons[0]
+    assert any("unlike the check points" in line for line in left.not_covered)
+    times = np.sqrt(ratio * dof / rng.chisquare(dof, n))
+    scaled = np.einsum("nk,kpi->npi", errors * times[:, None], by_parameter)
+    scaled += np.einsum("npc,cpi->npi", noise, by_reading)
+    largest = np.linalg.norm(scaled, axis=2).max(axis=1)
+    assert left.uncertainty is not None
+    # Student's tail is longer: the quantiles scatter by 1.5 and 2 %.
+    assert left.uncertainty.expanded == pytest.approx(np.quantile(largest, 0.95), rel=0.1)
+    sources = {one.source: one for one in left.uncertainty.budget if one.effect is None}
+    assert sources["parameters"].dof == dof and sources["noise"].dof != dof
+    del predicted["chi2"]
+    assert rsicalib.certify(rsicalib.Trace.from_dict(values), limit=1.0).decision == "undecided"
     rows = {one.source: one.u for one in found.budget if one.effect is None}
     assert rows["parameters"] <= u * (1 + 1e-4)
     assert found.u == pytest.approx(np.sqrt(sum(one.u**2 for one in found.budget)))
