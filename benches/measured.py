@@ -228,8 +228,8 @@ that were fitted / all others. **Closure is not accuracy**: there are no check p
 that repeats sockets it has not seen is the better one; how far it is off in the room is not known.
 
 *Geometry, typical sizes* draws all frames towards the drawing as errors of typical sizes ask;
-*geometry* estimates how large the errors of this drawing are, (153) of [the model](model.md), and so
-do all columns after it.
+*geometry* estimates how large the errors of this drawing are, (153) of [the model](model.md), and
+so do all columns after it.
 
 *Control* is `+ compliance` with gravity along y: the same number of parameters, with no physics. A
 gain that it has too is not from weight. *Traced* is `rsicalib.trace(…)` from the geometry, of the

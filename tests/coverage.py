@@ -4,9 +4,10 @@ The machines are those of `tests/families`, clean. Each is calibrated from three
 its workspace; from few poses, one sample each; and near one pose, where what differs little from
 pose to pose is hardly told (the poses that are nearest to one, of eight times as many). It is
 counted how many intervals hold what was put in, those of offsets, gains and unknown points; how
-many `value ± 1.96 sd` would; and how many are not those. At other poses of the whole workspace it is
-counted how many coordinates of the platform, or of carried points, are within 1.96 of their sd, where
-the session determines everything. A calibration that is `undetermined` says so and is not counted.
+many `value ± 1.96 sd` would; and how many are not those. At other poses of the whole workspace it
+is counted how many coordinates of the platform, or of carried points, are within 1.96 of their sd,
+where the session determines everything. A calibration that is `undetermined` says so and is not
+counted.
 
 Errors of one machine go together, so that shares are means over machines with the standard error of
 these.
@@ -111,7 +112,7 @@ def one(family: str, session: str, number: int, seed: int, into: Counts) -> None
 
 
 def predicted(device: Device, mechanism: Mechanism, found: Calibration, rng: Rng) -> list[float]:
-    """Share of the coordinates elsewhere that are within 1.96 of their sd; none of poses out of reach."""
+    """Share of the coordinates elsewhere within 1.96 of their sd; none of poses out of reach."""
     try:
         scene = stage(device, rng, ELSEWHERE, 1)
         values, columns = device.ideal(scene)
@@ -157,7 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--families", nargs="+", default=list(FAMILIES), choices=list(FAMILIES))
     parser.add_argument("--sessions", nargs="+", default=list(SESSIONS), choices=SESSIONS)
     options = parser.parse_args(arguments)
-    print("| family | session | hold the truth | ± 1.96 sd would | not ± 1.96 sd | intervals | places |")
+    print("| family | session | hold | ± 1.96 sd would | not ± 1.96 sd | intervals | places |")
     print("|---|---|---|---|---|---|---|")
     whole = Counts()
     for family in options.families:
@@ -174,7 +175,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 f"{share(found.places)} |",
                 flush=True,
             )
-    print(f"all: {share(whole.inside)}, by ± 1.96 sd {share(whole.linear)}, places {share(whole.places)}")
+    print(
+        f"all: {share(whole.inside)}, by ± 1.96 sd {share(whole.linear)}, "
+        f"places {share(whole.places)}"
+    )
 
 
 if __name__ == "__main__":

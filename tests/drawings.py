@@ -1,11 +1,11 @@
 """Arms that are built near their drawing, or not: what an estimated size of its errors is worth.
 
-`python -m tests.drawings --arms 100` calibrates all frames of an arm of six joints from seatings in two sockets of a plate
-at one place, and predicts seatings at three others. Frames, offsets and the ball are off by so many typical
-sizes (`--size`), or all but one are right, and one is off by its typical size (`alone`). It prints the
-median over arms of the distance of the ball from its own mean in those sockets, with the size
-estimated and with typical sizes as they are, how often the first is smaller, and how many predicted
-coordinates of the ball are within 1.96 standard deviations.
+`python -m tests.drawings --arms 100` calibrates all frames of an arm of six joints from seatings in
+two sockets of a plate at one place, and predicts seatings at three others. Frames, offsets and the
+ball are off by so many typical sizes (`--size`), or all but one are right, and one is off by its
+typical size (`alone`). It prints the median over arms of the distance of the ball from its own mean
+in those sockets, with the size estimated and with typical sizes as they are, how often the first is
+smaller, and how many predicted coordinates of the ball are within 1.96 standard deviations.
 """
 
 from __future__ import annotations
@@ -191,7 +191,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--size", nargs="+", default=["0.1", "0.3", "1", "3", "alone"])
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args(arguments)
-    print("| errors, typical sizes | elsewhere, mm | sizes as typical | smaller | within 1.96 sd |")
+    print("| errors, typical sizes | elsewhere, mm | as typical | smaller | within 1.96 sd |")
     print("|---|---|---|---|---|")
     for size in options.size:
         found = counted(options.arms, None if size == "alone" else float(size), options.seed)

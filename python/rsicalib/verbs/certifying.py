@@ -302,7 +302,7 @@ def _not_judged(result: Result) -> tuple[str, ...]:
 
 
 def _by_check(result: Result) -> tuple[float, float] | None:
-    """χ² of check points over its degrees of freedom, and those, where a result leaves something."""
+    """χ² of check points by degree of freedom, and those, of a result that leaves something."""
     if result.verdict not in LEFT or not isinstance(result, TraceShape):
         return None
     check = result.quality.aligned or result.quality.check
