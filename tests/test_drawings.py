@@ -65,11 +65,12 @@ def test_the_size_of_errors_is_the_likeliest_and_parameters_follow(seed: int, si
     # The size that is taken has the interval of one more error: a few per cent larger than the
     # likeliest.
     assert np.linalg.norm(geometry(same)[0] - b) < 0.1 * moved
-    np.testing.assert_allclose(covariance, as_before, rtol=1e-6, atol=1e-12)
+    # Offsets of the two are about other readings, which costs digits.
+    np.testing.assert_allclose(covariance, as_before, atol=1e-8)
     assert (found.fit.chi2, found.verdict) == (typical.fit.chi2, typical.verdict)
 
 
-def test_arms_as_wrong_as_is_typical_are_calibrated_as_before() -> None:
+def test_arms_that_are_more_wrong_than_is_typical_are_calibrated_as_before() -> None:
     rng = np.random.default_rng(3)
     table = drawings.session(drawings.Arm.drawn(rng, 3.0), rng, 1)
     own = drawings.mechanism()

@@ -28,8 +28,11 @@ use crate::numerics::symmetric::{eigenvalues, invert};
 /// Estimates of the size, each where the last one leads: the geometry is not linear.
 const ROUNDS: usize = 5;
 
-/// Sizes that differ by less are the same: a tenth of what 40 parameters tell of theirs, 1/√80.
-const SAME: f64 = 0.01;
+/// What 40 parameters tell of their size, 1/√80: a size that is so near to the typical one is that.
+const TOLD: f64 = 0.11;
+
+/// Sizes that differ by less are the same: a tenth of what is told.
+const SAME: f64 = 0.1 * TOLD;
 
 /// A fit whose geometry is as near to the drawing as (153) has it; the fit itself where something else
 /// is known of that, or where it is not complete.
@@ -44,7 +47,7 @@ pub(crate) fn as_near(observations: &Observations, fit: Fit) -> Fit {
     Fit { beta, rms_misclosure, likeliest: Some(fit.beta), ..fit }
 }
 
-/// (153); none where errors have their typical size.
+/// (153); none where errors have their typical size, or are larger.
 fn nearer(observations: &Observations, fit: &Fit, drawn: &[(usize, f64)]) -> Option<Vec<f64>> {
     let is_drawn = |prior: &Prior| match prior {
         Prior::Parameter { column, .. } => drawn.iter().any(|(own, _)| own == column),
@@ -68,7 +71,7 @@ fn nearer(observations: &Observations, fit: &Fit, drawn: &[(usize, f64)]) -> Opt
         let here = at(&others, &beta)?;
         let chi2 = fit.chi2 + 2.0 * (here.cost - first) / fit.noise.slow;
         let told = Told { gram: here.gram(), gradient: here.gradient, chi2, beta: &beta, drawn };
-        let next = told.size(fit)?.min(1.0);
+        let next = told.size(fit).filter(|size| *size < 1.0 - TOLD)?;
         let settled = (next / size).ln().abs() < SAME;
         size = next;
         if settled {
@@ -82,7 +85,7 @@ fn nearer(observations: &Observations, fit: &Fit, drawn: &[(usize, f64)]) -> Opt
         }
         beta = found.x;
     }
-    (size < 1.0).then_some(beta)
+    Some(beta)
 }
 
 /// What a session tells of the geometry, at some parameters.
@@ -128,6 +131,6 @@ impl Told<'_> {
         let least = if fit.noise.judges() { 1.0 } else { 0.0 };
         let told = [self.chi2 + to_drawing / slow, fit.dof + free, least];
         let found = Contrasts::of(c.as_ref(), &u, told)?.component()?;
-        Some((found.variance.min(1.0) / (found.noise * slow)).sqrt())
+        Some((found.variance / (found.noise * slow)).sqrt())
     }
 }
