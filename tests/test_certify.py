@@ -356,3 +356,40 @@ def test_the_small_form_of_the_campaign_runs() -> None:
     rows = [device(number, 5, more=number == 0) for number in range(3)]
     assert "3 devices" in figures(rows)
     assert any(row.before.expanded for row in rows)
+
+
+@pytest.mark.filterwarnings("ignore::rsicalib.OpenLoopsWarning")
+def test_an_effect_of_temperature_that_nobody_named_counts_beyond_the_session(
+    traced: rsicalib.Trace,
+) -> None:
+    values, rng = traced.to_dict(), np.random.default_rng(4)
+    warmth = values["reference"]["temperature"]
+    left = [h for h in values["could_hide"] if h.get("unseen")]
+    one = next(h for h in left if h["term"] == "temperature_offset")
+    one["target"] = "a32"
+    for hidden in left:
+        hidden["unseen"]["probability"] = 0.0
+    size, moves = 1e-4, one["unseen"]["moves"]
+    one["unseen"] |= {"probability": 1.0, "mean": [0.0], "covariance": [[size**2]]}
+    one["unseen"]["moves"] = [[0.0] for _ in moves]
+    pose = rsicalib.workspace(traced, poses=1, seed=int(rng.integers(100))).poses
+    mechanism = rsicalib.load_mechanism("rsi")
+    exact = rsicalib.Device(mechanism, *parameters_of(traced, mechanism)).readings(pose)
+    found = {}
+    for warmer in (10.0, 20.0):
+        place = rsicalib.Readings.from_arrays(
+            mechanism, exact, pose=np.array([1]), temperature_c=np.array([warmth + warmer])
+        )
+        told = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=1.0, at=place).uncertainty
+        assert told is not None
+        found[warmer] = next(s.u for s in told.budget if s.effect == "temperature_offset@a32")
+    (offset,) = (
+        p for p in values["parameters"] if (p["term"], p["target"]) == ("offset", "a32")
+    )
+    here, sides = offset["value"], []
+    for sign in (1, -1):
+        offset["value"] = here + sign * 1e-5
+        sides.append(at(values, rsicalib.Readings.from_arrays(mechanism, exact)))
+    by_offset = np.linalg.norm(sides[0] - sides[1]) / 2e-5
+    assert found[10.0] == pytest.approx(10 * size * by_offset, rel=1e-3)
+    assert found[20.0] == pytest.approx(2 * found[10.0], rel=1e-9)

@@ -513,7 +513,7 @@ def _rests_on(mechanism: Mechanism) -> tuple[str, ...]:
 def _not_covered(result: Result, mechanism: Mechanism) -> tuple[str, ...]:
     out = [f"Not determined by these readings: {text}." for text in result.unobservable]
     out.append("Errors of the length that gives the scale, beyond what the session shows of them.")
-    out.append("Temperatures, loads and speeds that the session did not have.")
+    out.append("Loads and speeds that the session did not have, temperatures beyond those above.")
     out.append("Damage and wear since the session: rsicalib watch looks for them.")
     if _by_check(result) is not None:
         out.append("Places that are unlike the check points: by those is what has no explanation.")

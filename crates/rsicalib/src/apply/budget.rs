@@ -253,7 +253,7 @@ impl Places {
             false => Err(Error::Shape { what: what.into(), found, expected }),
         };
         shape("covariance", errors.covariance.len(), n * n)?;
-        let acting = acting(mechanism, &errors.unseen, &table, posed)?;
+        let acting = acting(mechanism, &errors.unseen, &table, applied.reference.temperature, posed)?;
         let build = if posed { Under::with_terms } else { Under::open_with_terms };
         let under = build(mechanism, applied, table, &acting)?;
         let beta = under.internal(&under.values);
@@ -433,11 +433,13 @@ impl Places {
     }
 }
 
-/// Unseen effects that act on these readings as well: what is bound to its session does not.
+/// Unseen effects that act on these readings as well, beside a session whose mean temperature was `warmth`:
+/// what is bound to its session does not.
 fn acting(
     mechanism: &Mechanism,
     unseen: &[(Spec, Unseen)],
     table: &Table,
+    warmth: Option<f64>,
     posed: bool,
 ) -> Result<Vec<Spec>, Error> {
     if unseen.is_empty() {
@@ -451,7 +453,10 @@ fn acting(
             (&bare, Table { keys: Vec::new(), columns: Vec::new(), ..table.clone() })
         }
     };
-    let readings = Readings::new(mechanism, table)?;
+    let mut readings = Readings::new(mechanism, table)?;
+    if let Some(mean) = warmth {
+        readings.count_temperature_from(mean);
+    }
     let mut found = Vec::new();
     for (spec, _) in unseen {
         let term = terms::find_in(mechanism, &spec.term)?;
