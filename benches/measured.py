@@ -143,6 +143,23 @@ def measure(shop: Workshop, case: Case) -> Row:
     return row
 
 
+def short(shop: Workshop, case: Case) -> str:
+    """A line of the groups that were not fitted: typical sizes, sizes estimated, traced."""
+    readings, fitted = shop.readings(case), list(case.fitted)
+    mechanism = rsicalib.load_mechanism(shop.mechanism(case.robot))
+    verbs = (
+        rsicalib.calibrate(
+            readings, mechanism, fit_groups=fitted, population=as_typical(mechanism)
+        ),
+        rsicalib.calibrate(readings, mechanism, fit_groups=fitted),
+        rsicalib.trace(readings, mechanism, fit_groups=fitted),
+    )
+    others = [found.groups.others if found.groups is not None else None for found in verbs]
+    robot = case.robot + (f" without {', '.join(case.dropped)}" if case.dropped else "")
+    figures = ["–" if v is None else f"{v * MM:.3f}" for v in others]
+    return f"| {' | '.join([robot, ', '.join(fitted), *figures])} |"
+
+
 def as_typical(mechanism: rsicalib.Mechanism) -> dict[str, Any]:
     """A population of which nothing is known: errors of the drawing have their typical sizes."""
     return {
@@ -278,6 +295,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--data", type=Path, default=HERE.parent / "shared" / "data" / "mukca")
     parser.add_argument("--out", type=Path, default=HERE / "docs" / "measured.md")
+    parser.add_argument("--short", action="store_true", help="groups not fitted, printed alone")
     parser.add_argument("--robot", action="append", help="only this one; may be repeated")
     args = parser.parse_args(argv)
     if not args.data.is_dir():
@@ -289,11 +307,15 @@ def main(argv: list[str] | None = None) -> int:
         for case in shop.cases():
             if args.robot and case.robot not in args.robot:
                 continue
+            if args.short:
+                print(short(shop, case), flush=True)
+                continue
             rows.append(measure(shop, case))
             figures: dict[str, Any] = rows[-1].figures
             print(case.robot, ",".join(case.fitted), figures, file=sys.stderr, flush=True)
-    write_text(args.out, page(rows))
-    print(args.out)
+    if not args.short:
+        write_text(args.out, page(rows))
+        print(args.out)
     return 0
 
 
