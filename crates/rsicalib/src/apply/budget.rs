@@ -253,7 +253,8 @@ impl Places {
             false => Err(Error::Shape { what: what.into(), found, expected }),
         };
         shape("covariance", errors.covariance.len(), n * n)?;
-        let acting = acting(mechanism, &errors.unseen, &table, applied.reference.temperature, posed)?;
+        let acting =
+            acting(mechanism, &errors.unseen, &table, applied.reference.temperature, posed)?;
         let build = if posed { Under::with_terms } else { Under::open_with_terms };
         let under = build(mechanism, applied, table, &acting)?;
         let beta = under.internal(&under.values);
