@@ -383,9 +383,7 @@ def test_an_effect_of_temperature_that_nobody_named_counts_beyond_the_session(
         told = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=1.0, at=place).uncertainty
         assert told is not None
         found[warmer] = next(s.u for s in told.budget if s.effect == "temperature_offset@a32")
-    (offset,) = (
-        p for p in values["parameters"] if (p["term"], p["target"]) == ("offset", "a32")
-    )
+    (offset,) = (p for p in values["parameters"] if (p["term"], p["target"]) == ("offset", "a32"))
     here, sides = offset["value"], []
     for sign in (1, -1):
         offset["value"] = here + sign * 1e-5
