@@ -69,7 +69,7 @@ class Row:
 
 
 def drawn(rng: np.random.Generator, outside: bool = False) -> tuple[Effect, ...]:
-    """None, one of the catalogue, two of it, or one outside it, if wanted always; none of motion."""
+    """None, one of the catalogue, two of it, or one outside it; none of motion."""
     kinds = [k for k in catalogue.CATALOGUE if not k.moving and not k.mishap]
     strange = [k for k in catalogue.OUTSIDE if not k.moving and not k.mishap]
     which = 3 if outside else rng.choice(4, p=[0.2, 0.4, 0.2, 0.2])
