@@ -95,6 +95,7 @@ def measure(shop: Workshop, case: Case) -> Row:
     fitted = list(case.fitted)
     chi2: dict[str, float] = {}
     for name, turned, loaded in (
+        ("typical sizes", False, False),
         ("geometry", False, False),
         ("compliance", False, True),
         ("control", True, True),
@@ -103,7 +104,10 @@ def measure(shop: Workshop, case: Case) -> Row:
         terms = mechanism.to_dict()["model"]["terms"]
         terms = [*terms, "joint_compliance"] if loaded else terms
         try:
-            found = rsicalib.calibrate(readings, mechanism, fit_groups=fitted, terms=terms)
+            population = as_typical(mechanism) if name == "typical sizes" else None
+            found = rsicalib.calibrate(
+                readings, mechanism, fit_groups=fitted, terms=terms, population=population
+            )
         except rsicalib.RsicalibError as error:
             row.figures[name] = "not found"
             row.says.append(f"{name}: {error}")
@@ -111,6 +115,8 @@ def measure(shop: Workshop, case: Case) -> Row:
         assert found.groups is not None
         row.figures["nominal"] = pair(found.groups.nominal_fitted, found.groups.nominal_others, 2)
         row.figures[name] = pair(found.groups.fitted, found.groups.others, 3)
+        if name == "typical sizes":
+            continue
         if found.verdict == "undetermined":
             row.says.append(f"{name}: {found.termination}")
         if not turned:
@@ -123,6 +129,10 @@ def measure(shop: Workshop, case: Case) -> Row:
                 f"geometry alone leaves χ² {found.fit.chi2:.0f} for {found.fit.dof:.0f} degrees of "
                 f"freedom of the declared play{p_value}"
             )
+    everything = rsicalib.calibrate(readings, shop.mechanism(case.robot))
+    if everything.between is not None and everything.between.halves is not None:
+        halves = everything.between.halves
+        row.figures["halves"] = f"{halves.chi2_within:.2f} / {halves.chi2_between:.2f}"
     if len(chi2) == 3:
         falls = [chi2["geometry"] - chi2[name] for name in ("compliance", "control")]
         row.says.append(
@@ -131,6 +141,34 @@ def measure(shop: Workshop, case: Case) -> Row:
         )
     trace(shop, row, readings)
     return row
+
+
+def short(shop: Workshop, case: Case) -> str:
+    """A line of the groups that were not fitted: typical sizes, sizes estimated, traced."""
+    readings, fitted = shop.readings(case), list(case.fitted)
+    mechanism = rsicalib.load_mechanism(shop.mechanism(case.robot))
+    verbs = (
+        rsicalib.calibrate(
+            readings, mechanism, fit_groups=fitted, population=as_typical(mechanism)
+        ),
+        rsicalib.calibrate(readings, mechanism, fit_groups=fitted),
+        rsicalib.trace(readings, mechanism, fit_groups=fitted),
+    )
+    others = [found.groups.others if found.groups is not None else None for found in verbs]
+    robot = case.robot + (f" without {', '.join(case.dropped)}" if case.dropped else "")
+    figures = ["–" if v is None else f"{v * MM:.3f}" for v in others]
+    return f"| {' | '.join([robot, ', '.join(fitted), *figures])} |"
+
+
+def as_typical(mechanism: rsicalib.Mechanism) -> dict[str, Any]:
+    """A population of which nothing is known: errors of the drawing have their typical sizes."""
+    return {
+        "format": "rsicalib.population/1",
+        "mechanism": mechanism.name,
+        "centre": [0.0] * len(mechanism.channels),
+        "terms": mechanism.to_dict()["model"]["terms"],
+        "parameters": [],
+    }
 
 
 def trace(shop: Workshop, row: Row, readings: rsicalib.Readings) -> None:
@@ -206,22 +244,31 @@ mean at its socket, sockets weighted by their samples; then a plain mean over gr
 that were fitted / all others. **Closure is not accuracy**: there are no check poses here. A model
 that repeats sockets it has not seen is the better one; how far it is off in the room is not known.
 
+*Geometry, typical sizes* draws all frames towards the drawing as errors of typical sizes ask;
+*geometry* estimates how large the errors of this drawing are, (153) of [the model](model.md), and
+so do all columns after it.
+
 *Control* is `+ compliance` with gravity along y: the same number of parameters, with no physics. A
 gain that it has too is not from weight. *Traced* is `rsicalib.trace(…)` from the geometry, of the
 fitted groups; nobody tells it of compliance. What it finds is applied where it helps on blocks that
-were left out of the fitted groups, the search made again without them. The last columns are its
-verdict, and how many samples it left out, on the fitted groups and on all of them.
+were left out of the fitted groups, the search made again without them. The next columns are its
+verdict, and how many samples it left out, on the fitted groups and on all of them. *Halves* are χ²
+per parameter of the difference between two halves of all placements, by what is within placements,
+and with what changes between them; [Intervals, counted](intervals.md#between-placements) says what
+to expect of the second.
 """
 
 
 COLUMNS = {
     "nominal": "nominal",
+    "typical sizes": "geometry, typical sizes",
     "geometry": "geometry",
     "compliance": "+ compliance",
     "control": "control",
     "traced": "traced",
     "fitted groups": "verdict, left out",
     "all groups": "all groups",
+    "halves": "halves",
 }
 
 
@@ -248,6 +295,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--data", type=Path, default=HERE.parent / "shared" / "data" / "mukca")
     parser.add_argument("--out", type=Path, default=HERE / "docs" / "measured.md")
+    parser.add_argument("--short", action="store_true", help="groups not fitted, printed alone")
     parser.add_argument("--robot", action="append", help="only this one; may be repeated")
     args = parser.parse_args(argv)
     if not args.data.is_dir():
@@ -259,11 +307,15 @@ def main(argv: list[str] | None = None) -> int:
         for case in shop.cases():
             if args.robot and case.robot not in args.robot:
                 continue
+            if args.short:
+                print(short(shop, case), flush=True)
+                continue
             rows.append(measure(shop, case))
             figures: dict[str, Any] = rows[-1].figures
             print(case.robot, ",".join(case.fitted), figures, file=sys.stderr, flush=True)
-    write_text(args.out, page(rows))
-    print(args.out)
+    if not args.short:
+        write_text(args.out, page(rows))
+        print(args.out)
     return 0
 
 

@@ -4,8 +4,10 @@ The machines are those of `tests/families`, clean. Each is calibrated from three
 its workspace; from few poses, one sample each; and near one pose, where what differs little from
 pose to pose is hardly told (the poses that are nearest to one, of eight times as many). It is
 counted how many intervals hold what was put in, those of offsets, gains and unknown points; how
-many `value ± 1.96 sd` would; and how many are not those. A calibration that is `undetermined` says
-so and is not counted.
+many `value ± 1.96 sd` would; and how many are not those. At other poses of the whole workspace it
+is counted how many coordinates of the platform, or of carried points, are within 1.96 of their sd,
+where the session determines everything. A calibration that is `undetermined` says so and is not
+counted.
 
 Errors of one machine go together, so that shares are means over machines with the standard error of
 these.
@@ -19,14 +21,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rsicalib import Mechanism, calibrate
+from rsicalib import Calibration, Mechanism, calibrate
 from rsicalib.errors import InputError
-from tests.families.device import Device, Scene, observe, stage
+from rsicalib.poses.places import places
+from tests.families.device import Device, Scene, Session, observe, stage
 from tests.families.draw import FAMILIES, Rng
 from tests.families.trials import readings_of, toml, truth_of
 from tests.oracle import Array
 
 SESSIONS = ("whole", "few", "near")
+ELSEWHERE = 20
+"""Poses at which places are predicted."""
 NEAREST = 8
 """Poses of which the nearest are taken, for each that is taken."""
 
@@ -38,6 +43,7 @@ class Counts:
     inside: list[float] = field(default_factory=list)
     linear: list[float] = field(default_factory=list)
     bent: list[float] = field(default_factory=list)
+    places: list[float] = field(default_factory=list)
     intervals: int = 0
     undetermined: int = 0
     refused: int = 0
@@ -101,6 +107,31 @@ def one(family: str, session: str, number: int, seed: int, into: Counts) -> None
     into.linear.append(float(np.mean(linear)))
     into.bent.append(float(np.mean([p.profile is not None for p in found.parameters])))
     into.intervals += len(inside)
+    if not found.unobservable:
+        into.places += predicted(device, mechanism, found, rng)
+
+
+def predicted(device: Device, mechanism: Mechanism, found: Calibration, rng: Rng) -> list[float]:
+    """Share of the coordinates elsewhere within 1.96 of their sd; none of poses out of reach."""
+    try:
+        scene = stage(device, rng, ELSEWHERE, 1)
+        values, columns = device.ideal(scene)
+        truth = device.points(scene, ())
+    except ValueError:
+        return []
+    rows = readings_of(mechanism, Session(scene, values, columns, True, False))
+    seen = places(rows, mechanism, found)
+    platform = device.drawing.mechanism.get("platform")
+    if platform:
+        there = np.mean([truth[name] for name in platform], axis=0)
+    else:
+        there = np.concatenate(list(truth.values()), axis=1)
+    if seen.sd is None or not there.size:
+        return []
+    count = there.shape[1]
+    off, sd = np.abs(seen.values[:, :count] - there), seen.sd[:, :count]
+    told = sd > 1e-9 * device.length
+    return [float(np.mean(off[told] < 1.96 * sd[told]))] if told.any() else []
 
 
 def counted(family: str, session: str, cases: int, seed: int = 1, first: int = 0) -> Counts:
@@ -127,22 +158,27 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--families", nargs="+", default=list(FAMILIES), choices=list(FAMILIES))
     parser.add_argument("--sessions", nargs="+", default=list(SESSIONS), choices=SESSIONS)
     options = parser.parse_args(arguments)
-    print("| family | session | hold the truth | ± 1.96 sd would | not ± 1.96 sd | intervals |")
-    print("|---|---|---|---|---|---|")
+    print("| family | session | hold | ± 1.96 sd would | not ± 1.96 sd | intervals | places |")
+    print("|---|---|---|---|---|---|---|")
     whole = Counts()
     for family in options.families:
         for session in options.sessions:
             found = counted(family, session, options.cases, options.seed)
             whole.inside += found.inside
             whole.linear += found.linear
+            whole.places += found.places
             cells = [share(found.inside), share(found.linear), share(found.bent)]
             left = f", {found.undetermined} undetermined" if found.undetermined else ""
             left += f", {found.refused} refused" if found.refused else ""
             print(
-                f"| {family} | {session} | {' | '.join(cells)} | {found.intervals}{left} |",
+                f"| {family} | {session} | {' | '.join(cells)} | {found.intervals}{left} | "
+                f"{share(found.places)} |",
                 flush=True,
             )
-    print(f"all: {share(whole.inside)}, by ± 1.96 sd {share(whole.linear)}")
+    print(
+        f"all: {share(whole.inside)}, by ± 1.96 sd {share(whole.linear)}, "
+        f"places {share(whole.places)}"
+    )
 
 
 if __name__ == "__main__":

@@ -95,6 +95,25 @@ def test_the_expanded_uncertainty_is_that_of_plain_differences_and_draws(
     assert found.expanded == pytest.approx(np.quantile(largest, 0.95), rel=0.04)
     assert found.median == pytest.approx(np.median(largest), rel=0.02)
     u = np.sqrt(np.einsum("kpi,kl,lpi->p", by_parameter, traced.covariance, by_parameter)).max()
+    # Of a result that leaves something, check points say by how much the parameters are off.
+    ratio, dof = 3.0, 8.0
+    values["verdict"] = "partly_explained"
+    predicted = values["after"]["check"]["predicted"]
+    predicted["chi2"], predicted["dof"] = ratio * dof, dof
+    left = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=1.0, at=poses)
+    assert left.decision == "within" and "20 check points: 1.7 times" in left.reasons[0]
+    assert any("unlike the check points" in line for line in left.not_covered)
+    times = np.sqrt(ratio * dof / rng.chisquare(dof, n))
+    scaled = np.einsum("nk,kpi->npi", errors * times[:, None], by_parameter)
+    scaled += np.einsum("npc,cpi->npi", noise, by_reading)
+    largest = np.linalg.norm(scaled, axis=2).max(axis=1)
+    assert left.uncertainty is not None
+    # Student's tail is longer: the quantiles scatter by 1.5 and 2 %.
+    assert left.uncertainty.expanded == pytest.approx(np.quantile(largest, 0.95), rel=0.1)
+    sources = {one.source: one for one in left.uncertainty.budget if one.effect is None}
+    assert sources["parameters"].dof == dof and sources["noise"].dof != dof
+    del values["after"]["check"]["predicted"]
+    assert rsicalib.certify(rsicalib.Trace.from_dict(values), limit=1.0).decision == "undecided"
     rows = {one.source: one.u for one in found.budget if one.effect is None}
     assert rows["parameters"] <= u * (1 + 1e-4)
     assert found.u == pytest.approx(np.sqrt(sum(one.u**2 for one in found.budget)))
@@ -181,6 +200,7 @@ def test_a_result_that_does_not_predict_its_error_certifies_nothing(
     traced: rsicalib.Trace, verdict: str
 ) -> None:
     values = {**traced.to_dict(), "verdict": verdict}
+    del values["after"]["check"]  # without which nothing says how large the errors are
     found = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=10.0)
     assert found.decision == "undecided" and verdict in found.reasons[0]
 
@@ -336,3 +356,38 @@ def test_the_small_form_of_the_campaign_runs() -> None:
     rows = [device(number, 5, more=number == 0) for number in range(3)]
     assert "3 devices" in figures(rows)
     assert any(row.before.expanded for row in rows)
+
+
+@pytest.mark.filterwarnings("ignore::rsicalib.OpenLoopsWarning")
+def test_an_effect_of_temperature_that_nobody_named_counts_beyond_the_session(
+    traced: rsicalib.Trace,
+) -> None:
+    values, rng = traced.to_dict(), np.random.default_rng(4)
+    warmth = values["reference"]["temperature"]
+    left = [h for h in values["could_hide"] if h.get("unseen")]
+    one = next(h for h in left if h["term"] == "temperature_offset")
+    one["target"] = "a32"
+    for hidden in left:
+        hidden["unseen"]["probability"] = 0.0
+    size, moves = 1e-4, one["unseen"]["moves"]
+    one["unseen"] |= {"probability": 1.0, "mean": [0.0], "covariance": [[size**2]]}
+    one["unseen"]["moves"] = [[0.0] for _ in moves]
+    pose = rsicalib.workspace(traced, poses=1, seed=int(rng.integers(100))).poses
+    mechanism = rsicalib.load_mechanism("rsi")
+    exact = rsicalib.Device(mechanism, *parameters_of(traced, mechanism)).readings(pose)
+    found = {}
+    for warmer in (10.0, 20.0):
+        place = rsicalib.Readings.from_arrays(
+            mechanism, exact, pose=np.array([1]), temperature_c=np.array([warmth + warmer])
+        )
+        told = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=1.0, at=place).uncertainty
+        assert told is not None
+        found[warmer] = next(s.u for s in told.budget if s.effect == "temperature_offset@a32")
+    (offset,) = (p for p in values["parameters"] if (p["term"], p["target"]) == ("offset", "a32"))
+    here, sides = offset["value"], []
+    for sign in (1, -1):
+        offset["value"] = here + sign * 1e-5
+        sides.append(at(values, rsicalib.Readings.from_arrays(mechanism, exact)))
+    by_offset = np.linalg.norm(sides[0] - sides[1]) / 2e-5
+    assert found[10.0] == pytest.approx(10 * size * by_offset, rel=1e-3)
+    assert found[20.0] == pytest.approx(2 * found[10.0], rel=1e-9)

@@ -349,11 +349,13 @@ def budget(
     confidence: float,
     draws: int,
     seed: int,
+    checked: Any = None,
 ) -> dict[str, Any]:
     """What the largest error of a result over the rows of a table is made of, and how large it may be.
 
     `dof` are those of the noise, None where it was declared; `play` is the standard deviation of each
-    coordinate. The keys are those of the core's `Budget`.
+    coordinate; `checked` is χ² at check points over its degrees of freedom, and those, of a result that
+    is not understood. The keys are those of the core's `Budget`.
     """
 
 def calibrate_devices(

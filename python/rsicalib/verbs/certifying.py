@@ -51,6 +51,12 @@ ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180}
 JUDGED = ("adequate", "explained")
 """Verdicts of results that predict their error: of others something is not understood."""
 
+LEFT = {
+    "unexplained": "its residual has no explanation",
+    "partly_explained": "part of its residual has no explanation",
+}
+"""Verdicts of results that leave something: check points say how large it is elsewhere."""
+
 POSE = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -106,12 +112,15 @@ def certify(
     earlier, opened = earlier_result(result, opened)
     quantity, size, unit = _limit(limit, opened)
     table, places = _places(earlier, opened, at)
-    reasons, uncertainty = _not_judged(earlier), None
+    checked, uncertainty = _by_check(earlier), None
+    reasons = _not_judged(earlier) if checked is None else ()
     bound: tuple[str, ...] = ()
     covariance = _covariance(earlier)
     expanded = math.nan
     if covariance is not None and np.isfinite(covariance).all() and len(covariance):
-        uncertainty, bound = _budget(earlier, opened, covariance, table, quantity, confidence)
+        uncertainty, bound = _budget(
+            earlier, opened, covariance, table, quantity, confidence, checked
+        )
         expanded = uncertainty.expanded
     noise = 0.0 if uncertainty is None else uncertainty.least
     seen, known = _known(earlier, quantity, confidence, noise, bound)
@@ -126,7 +135,11 @@ def certify(
         unit=unit,
         confidence=confidence,
         decision=decision,  # type: ignore[arg-type]
-        reasons=(*reasons, *_why(decision, size, unit, expanded, known, bool(reasons))),
+        reasons=(
+            *reasons,
+            *_of_check(earlier, checked),
+            *_why(decision, size, unit, expanded, known, bool(reasons)),
+        ),
         uncertainty=uncertainty,
         known=known,
         decides=_decides(result, mechanism, earlier) if decision == "undecided" else None,
@@ -279,14 +292,34 @@ def _not_judged(result: Result) -> tuple[str, ...]:
             "undetermined": "its poses do not determine the calibration",
             "implausible": "what was found is absurd beside the mechanism's size",
             "unjudged": "nothing judges its residual",
-            "unexplained": "its residual has no explanation",
-            "partly_explained": "part of its residual has no explanation",
+            **LEFT,
         }
         why = words.get(result.verdict, "its residual is significant")
         reasons.append(f"The result is {result.verdict or 'not judged'}: {why}.")
     elif isinstance(result, TraceShape) and not any(h.unseen for h in result.could_hide):
         reasons.append("The result does not hold what its session leaves open: trace again.")
     return tuple(reasons)
+
+
+def _by_check(result: Result) -> tuple[float, float] | None:
+    """χ² of check points by degree of freedom, and those, of a result that leaves something."""
+    if result.verdict not in LEFT or not isinstance(result, TraceShape):
+        return None
+    check = result.quality.aligned or result.quality.check
+    told = None if check is None else check.predicted
+    if told is None or told.chi2 is None or told.dof is None or not told.dof > 0:
+        return None
+    return (told.chi2 / told.dof, told.dof) if any(h.unseen for h in result.could_hide) else None
+
+
+def _of_check(result: Result, checked: tuple[float, float] | None) -> tuple[str, ...]:
+    if checked is None:
+        return ()
+    return (
+        f"The result is {result.verdict}: {LEFT[str(result.verdict)]}. How large its errors are is "
+        f"by {_checked(result)} check points: {math.sqrt(max(checked[0], 1.0)):.2g} times what is "
+        "predicted of them.",
+    )
 
 
 def _budget(
@@ -296,6 +329,7 @@ def _budget(
     table: Mapping[str, Any],
     quantity: str,
     confidence: float,
+    checked: tuple[float, float] | None,
 ) -> tuple[Uncertainty, tuple[str, ...]]:
     """The budget, and effects that are bound to the session of the result."""
     noise = result.noise
@@ -309,7 +343,7 @@ def _budget(
     orientation = quantity == "orientation"
     found = _core.budget(
         mechanism, applied, covariance, _between(result), table, noise.dof, play, unseen,
-        orientation, confidence, DRAWS, SEED,
+        orientation, confidence, DRAWS, SEED, checked,
     )  # fmt: skip
     sigma = math.sqrt(float(np.mean(np.square(list(noise.sigma.values())))))
     units = {channel.unit for channel in mechanism.channels}
@@ -479,8 +513,10 @@ def _rests_on(mechanism: Mechanism) -> tuple[str, ...]:
 def _not_covered(result: Result, mechanism: Mechanism) -> tuple[str, ...]:
     out = [f"Not determined by these readings: {text}." for text in result.unobservable]
     out.append("Errors of the length that gives the scale, beyond what the session shows of them.")
-    out.append("Temperatures, loads and speeds that the session did not have.")
+    out.append("Loads and speeds that the session did not have, temperatures beyond those above.")
     out.append("Damage and wear since the session: rsicalib watch looks for them.")
+    if _by_check(result) is not None:
+        out.append("Places that are unlike the check points: by those is what has no explanation.")
     if not _checked(result):
         out.append("The place of the whole in any other frame than the mechanism's own.")
     return tuple(out)

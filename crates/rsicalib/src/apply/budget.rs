@@ -16,6 +16,16 @@
 //! max over places |e|                                                            (143)
 //! ```
 //!
+//! Where a result leaves something unexplained, nothing says that its covariance is right. Check points
+//! that were not fitted do: with their `χ²` by what the result predicts, of `ν` degrees of freedom, `δ`
+//! and `h` are drawn
+//!
+//! ```text
+//! s² = max(1, χ²/ν) · ν/χ²_ν                                                     (146)
+//! ```
+//!
+//! times as large: as far as check points are places like any other.
+//!
 //! The rows of the budget are of the place that is known least: `u² = tr var e`, source by source,
 //! so that squares add up, and degrees of freedom are those of Welch and Satterthwaite.
 
@@ -56,6 +66,31 @@ pub struct Errors {
     pub play: f64,
     /// What its session leaves open of effects that were not found.
     pub unseen: Vec<(Spec, Unseen)>,
+    /// What check points show of a result that is not understood; none where it predicts its error.
+    pub checked: Option<Checked>,
+}
+
+/// Errors at check points beside what is predicted of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Checked {
+    /// χ² over its degrees of freedom.
+    pub ratio: f64,
+    /// Those degrees of freedom.
+    pub dof: f64,
+}
+
+impl Checked {
+    /// How much larger errors are than predicted; no smaller.
+    fn size(&self) -> f64 {
+        self.ratio.max(1.0).sqrt()
+    }
+}
+
+impl Errors {
+    /// How much larger what is not noise is than predicted, by check points.
+    fn size(&self) -> f64 {
+        self.checked.map_or(1.0, |checked| checked.size())
+    }
 }
 
 /// How the largest error is drawn.
@@ -218,7 +253,8 @@ impl Places {
             false => Err(Error::Shape { what: what.into(), found, expected }),
         };
         shape("covariance", errors.covariance.len(), n * n)?;
-        let acting = acting(mechanism, &errors.unseen, &table, posed)?;
+        let acting =
+            acting(mechanism, &errors.unseen, &table, applied.reference.temperature, posed)?;
         let build = if posed { Under::with_terms } else { Under::open_with_terms };
         let under = build(mechanism, applied, table, &acting)?;
         let beta = under.internal(&under.values);
@@ -307,13 +343,14 @@ impl Places {
 
     fn shares(&self, place: &Place, errors: &Errors) -> Vec<Share> {
         let dof = Some(errors.dof).filter(|dof| dof.is_finite());
+        let (by_check, times) = (errors.checked.map(|c| c.dof), errors.size());
         let share = |source, u: f64, dof| Share { source, effect: None, u, dof };
         let mut shares = vec![
-            share("parameters", place.parameters.norm(), dof),
+            share("parameters", times * place.parameters.norm(), by_check.or(dof)),
             share("noise", place.noise.norm(), dof),
         ];
         if place.between.ncols() > 0 {
-            shares.push(share("between placements", place.between.norm(), None));
+            shares.push(share("between placements", times * place.between.norm(), by_check));
         }
         if self.play > 0.0 {
             shares.push(share("play", self.play * 3.0_f64.sqrt(), None));
@@ -322,8 +359,8 @@ impl Places {
             let by = place.effects.columns(effect.first, effect.mean.len());
             let mean = by * DMatrix::from_column_slice(effect.mean.len(), 1, &effect.mean);
             let square = mean.norm_squared() + (by * &effect.root).norm_squared();
-            let u = (effect.probability * square).sqrt();
-            Share { source: "unseen", effect: Some(effect.name.clone()), u, dof: None }
+            let u = times * (effect.probability * square).sqrt();
+            Share { source: "unseen", effect: Some(effect.name.clone()), u, dof: by_check }
         };
         let mut unseen: Vec<Share> = self.effects.iter().map(of_effect).collect();
         unseen.sort_by(|a, b| b.u.total_cmp(&a.u));
@@ -331,7 +368,7 @@ impl Places {
         unseen.truncate(ROWS);
         shares.extend(unseen);
         if others > 0.0 {
-            shares.push(share("unseen", others.sqrt(), None));
+            shares.push(share("unseen", others.sqrt(), by_check));
         }
         shares
     }
@@ -351,10 +388,15 @@ impl Places {
         let Some(first) = self.all.first() else { return (0.0, 0.0) };
         // Noise that is estimated is itself uncertain: Student's distribution.
         let scale = random.student_scale(errors.dof);
+        let by_check = errors.checked.map_or(1.0, |c| c.size() * random.student_scale(c.dof));
         let common: Vec<f64> =
-            (0..first.parameters.ncols()).map(|_| scale * random.normal()).collect();
-        let shift: Vec<f64> = (0..first.between.ncols()).map(|_| random.normal()).collect();
-        let effect = self.pick(random).map(|effect| (effect.first, effect.drawn(random)));
+            (0..first.parameters.ncols()).map(|_| by_check * scale * random.normal()).collect();
+        let shift: Vec<f64> =
+            (0..first.between.ncols()).map(|_| by_check * random.normal()).collect();
+        let effect = self.pick(random).map(|effect| {
+            let drawn = effect.drawn(random);
+            (effect.first, drawn.into_iter().map(|h| by_check * h).collect::<Vec<f64>>())
+        });
         let mut reading: Vec<f64> = Vec::new();
         let (mut row, mut largest, mut by_noise) = (usize::MAX, 0.0_f64, 0.0_f64);
         for place in &self.all {
@@ -392,11 +434,13 @@ impl Places {
     }
 }
 
-/// Unseen effects that act on these readings as well: what is bound to its session does not.
+/// Unseen effects that act on these readings as well, beside a session whose mean temperature was `warmth`:
+/// what is bound to its session does not.
 fn acting(
     mechanism: &Mechanism,
     unseen: &[(Spec, Unseen)],
     table: &Table,
+    warmth: Option<f64>,
     posed: bool,
 ) -> Result<Vec<Spec>, Error> {
     if unseen.is_empty() {
@@ -410,7 +454,10 @@ fn acting(
             (&bare, Table { keys: Vec::new(), columns: Vec::new(), ..table.clone() })
         }
     };
-    let readings = Readings::new(mechanism, table)?;
+    let mut readings = Readings::new(mechanism, table)?;
+    if let Some(mean) = warmth {
+        readings.count_temperature_from(mean);
+    }
     let mut found = Vec::new();
     for (spec, _) in unseen {
         let term = terms::find_in(mechanism, &spec.term)?;

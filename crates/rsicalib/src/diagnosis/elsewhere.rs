@@ -152,7 +152,9 @@ fn searched(training: &Observations, search: &SearchOptions, effects: usize) -> 
     let mut again = search.clone();
     again.most = again.most.min(effects + 1);
     again.off.push(Rule::JudgeAgain);
-    Some(trace(&Observations { judged: false, ..training.clone() }, &again).ok()?.after)
+    let found = trace(&Observations { judged: false, ..training.clone() }, &again).ok()?.after;
+    // As the fits that it is compared with: no size of the drawing's errors is estimated.
+    Some(Fit { beta: found.likeliest.clone().unwrap_or(found.beta), likeliest: None, ..found })
 }
 
 /// A session that is fitted without each of some blocks.

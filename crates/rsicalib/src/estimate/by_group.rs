@@ -21,6 +21,7 @@ use std::sync::Arc;
 
 use faer::Mat;
 
+use crate::estimate::as_near::as_near;
 use crate::estimate::between::{Between, Grouping, Halves};
 use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
@@ -37,13 +38,15 @@ use crate::terms::{PointPosition, targets};
 /// Contrasts of a half of the groups of which no component of its own is told.
 const FEW: usize = 3;
 
-/// A fit with what changes from group to group of its session; of a long recording that is not looked
-/// for.
+/// A fit with what changes from group to group of its session, and what a device keeps of its
+/// drawing; of a long recording neither is looked for.
 #[must_use]
 pub fn with_groups(fit: Fit, observations: &Observations) -> Fit {
-    let sure = fit.termination.converged() && fit.plausible && !observations.is_long();
-    let between = sure.then(|| between(observations, &fit)).flatten().map(Arc::new);
-    Fit { between, ..fit }
+    if !fit.termination.converged() || !fit.plausible || observations.is_long() {
+        return fit;
+    }
+    let between = between(observations, &fit).map(Arc::new);
+    as_near(observations, Fit { between, ..fit })
 }
 
 /// Of a fit; none where there are no groups, or where nothing that may change is estimated.

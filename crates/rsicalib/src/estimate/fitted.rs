@@ -28,6 +28,8 @@ pub struct Fit {
     /// Estimates of the parameters, corrections to the mechanism as drawn;
     /// [`reported`](crate::estimate::directions::reported) gives absolute offsets and gains.
     pub beta: Vec<f64>,
+    /// Estimates by the priors, where those of `beta` are drawn towards the drawing: (153).
+    pub likeliest: Option<Vec<f64>>,
     /// Priors of the parameters.
     pub priors: Vec<Prior>,
     /// The noise.

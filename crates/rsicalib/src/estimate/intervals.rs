@@ -13,7 +13,7 @@ use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::Part;
 use crate::estimate::observations::{LONG, Observations};
 use crate::estimate::options::Method;
-use crate::model::Model;
+use crate::model::{Model, Prior};
 use crate::numerics::distributions::student_quantile;
 use crate::numerics::lm::{self, SolverOptions};
 use crate::numerics::profile::{Along, OFF, ends};
@@ -36,7 +36,7 @@ pub fn intervals(observations: &Observations, fit: &Fit) -> Vec<Option<[f64; 2]>
         return none;
     }
     let of = |problem: &Implicit| of_problem(fit, problem);
-    at_noise_of(observations, fit, &fit.model, of).flatten().unwrap_or(none)
+    at_noise_of(observations, fit, &fit.model, &fit.priors, of).flatten().unwrap_or(none)
 }
 
 /// True for a maximum of the likelihood of a session of which profiles are looked at.
@@ -53,6 +53,7 @@ pub(crate) fn at_noise_of<R>(
     observations: &Observations,
     fit: &Fit,
     model: &Model,
+    priors: &[Prior],
     look: impl FnOnce(&Implicit) -> R,
 ) -> Option<R> {
     let held = conventions::held(observations, model).ok()?;
@@ -62,7 +63,7 @@ pub(crate) fn at_noise_of<R>(
         parts.push((Part { model, readings, weights: None }, fit.assumed()));
     }
     let holds = fit.conventions.holds(&fit.model, &fit.beta);
-    let priors = [&fit.priors[..], &holds].concat();
+    let priors = [priors, &holds].concat();
     Some(look(&Implicit::new(parts, &priors)))
 }
 
@@ -77,7 +78,8 @@ fn of_problem(fit: &Fit, problem: &Implicit) -> Option<Vec<Option<[f64; 2]>>> {
     let rise = quantile * quantile * wider(fit);
     // Noise that was found after the parameters has moved them by less than this.
     let options = SolverOptions { ptol: 0.25 * OFF * rise, ..SolverOptions::default() };
-    let least = lm::minimize(problem, &fit.beta, &options);
+    let likeliest = fit.likeliest.as_ref().unwrap_or(&fit.beta);
+    let least = lm::minimize(problem, likeliest, &options);
     if !quantile.is_finite() || least.iterations > 1 {
         return None;
     }
@@ -93,7 +95,7 @@ fn of_problem(fit: &Fit, problem: &Implicit) -> Option<Vec<Option<[f64; 2]>>> {
         let along = |i: usize| (0..n).map(|j| fit.covariance[(i, j)] * row[j]).sum::<f64>();
         let slope = (0..n).map(|i| along(i) / (sd * sd)).collect();
         let half = quantile * sd;
-        let found = ends(problem, &fit.beta, &Along { row, pivot: k, slope, half }, rise);
+        let found = ends(problem, likeliest, &Along { row, pivot: k, slope, half }, rise);
         let [low, high] = found.unwrap_or([-half, half]);
         let same = |end: f64| (end.abs() / (LINEAR * sd) - 1.0).abs() <= OFF;
         (!same(low) || !same(high)).then_some([low, high])

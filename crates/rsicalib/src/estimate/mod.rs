@@ -3,6 +3,7 @@
 pub(crate) mod adjusted;
 mod algebraic;
 pub(crate) mod angles;
+mod as_near;
 pub(crate) mod at_fit;
 pub mod between;
 mod by_group;

@@ -44,7 +44,7 @@ fn time(observations: &Observations, fit: &Fit, k: usize) -> Option<[usize; 2]> 
         instances[k].place = place;
         let model = observations.model_after(Some(&fit.model), instances).ok()?;
         let least = |problem: &Implicit| lm::minimize(problem, &fit.beta, &options).cost;
-        at_noise_of(observations, fit, &model, least)
+        at_noise_of(observations, fit, &model, &fit.priors, least)
     };
     let own = fit.model.instances[k].place;
     let least = cost(own)?;

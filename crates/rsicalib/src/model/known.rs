@@ -27,10 +27,7 @@ impl Model {
     pub fn priors(&self) -> Vec<Prior> {
         let mut priors = self.links();
         priors.extend_from_slice(&self.held);
-        let whole = |i: &Instance| i.term.info().broad && i.term.info().per == Per::Row;
-        let complete = self.instances.iter().any(whole);
-        let root = self.mechanism.channels_of(0).first().copied();
-        let root = root.filter(|_| self.mechanism.floats()).map(Target::Channel);
+        let complete = self.is_complete();
         for (instance, &first) in self.instances.iter().zip(&self.first) {
             let info = instance.term.info();
             // A term with redundant directions, or a free shape, has its typical size as prior.
@@ -38,18 +35,41 @@ impl Model {
                 || info.broad
                 || self.gives(instance)
                 || (complete && instance.term.role() == Role::Offset);
-            let mut typical = self.typical(instance);
-            if complete && instance.term.role() == Role::Offset && root == Some(instance.target) {
-                typical = vec![ROOT];
-            }
             let known = self.declared_sd(instance);
-            for (k, typical) in typical.into_iter().enumerate() {
+            for (k, typical) in self.size(instance).into_iter().enumerate() {
                 if let Some(sd) = known.or(held.then_some(typical)) {
                     priors.push(Prior::Parameter { column: first + k, mean: 0.0, sd });
                 }
             }
         }
         priors
+    }
+
+    /// True where the frames of all links are parameters.
+    fn is_complete(&self) -> bool {
+        let whole = |i: &Instance| i.term.info().broad && i.term.info().per == Per::Row;
+        self.instances.iter().any(whole)
+    }
+
+    /// Typical sizes of the parameters of an instance, the offset that turns everything together as a
+    /// frame.
+    fn size(&self, instance: &Instance) -> Vec<f64> {
+        let root = self.mechanism.channels_of(0).first().copied();
+        let root = root.filter(|_| self.mechanism.floats()).map(Target::Channel);
+        let turns_all = instance.term.role() == Role::Offset && root == Some(instance.target);
+        if turns_all && self.is_complete() { vec![ROOT] } else { self.typical(instance) }
+    }
+
+    /// Columns of a complete geometry whose priors are typical sizes, with these: nothing else is
+    /// known of how far a device is from its drawing. None where the geometry is not complete.
+    pub(crate) fn drawn(&self) -> Vec<(usize, f64)> {
+        let drawn = |i: &Instance| {
+            let geometry = i.term.info().broad || i.term.role() == Role::Offset;
+            geometry && self.declared_sd(i).is_none()
+        };
+        let all = self.instances.iter().zip(&self.first).filter(|(i, _)| drawn(i));
+        let columns = all.flat_map(|(i, &first)| (first..).zip(self.size(i)));
+        if self.is_complete() { columns.collect() } else { Vec::new() }
     }
 
     /// Standard deviation of every parameter of terms before there are readings: as it is declared, or

@@ -16,6 +16,9 @@ use crate::readings::context::{STRETCH, direction, is_motion, sides, standstills
 use crate::readings::holding::Holding;
 use crate::readings::table::{Table, mean_of, rows_of};
 
+/// Temperatures this near to the one they count from show nothing of it [K].
+const STEADY: f64 = 0.05;
+
 /// Checked readings of one mechanism.
 #[derive(Debug, Clone)]
 pub struct Readings {
@@ -248,7 +251,7 @@ impl Readings {
             (Some(t), Some(mean)) => t.iter().map(|t| t - mean).collect(),
             _ => vec![0.0; samples],
         };
-        let tempered = temperature.iter().any(|t| t.abs() > 0.05);
+        let tempered = temperature.iter().any(|t| t.abs() > STEADY);
 
         let column = |c: usize| table.values.iter().skip(c).step_by(channels).copied();
         let mean = (0..channels).map(|c| column(c).sum::<f64>() / samples as f64).collect();
@@ -369,6 +372,7 @@ impl Readings {
         for block in &mut self.blocks {
             block.temperature += Lanes::splat(own - mean);
         }
+        self.tempered |= (own - mean).abs() > STEADY;
     }
 
     /// Places the samples at these times, in sessions from the first pose, one for each, after the
