@@ -15,9 +15,12 @@ from textwrap import shorten
 from typing import Any
 from urllib.parse import quote
 
+import numpy as np
+
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.facts.verdicts import EXIT_CODES, UNUSABLE
+from rsicalib.fleets.frames import numbers_of
 from rsicalib.fleets.map import map_figure
 from rsicalib.fleets.standing_out import Remark, Spread, remarks, spreads
 from rsicalib.plain_text import counted
@@ -170,8 +173,8 @@ def _effects(rows: Mapping[str, Sequence[Any]]) -> str:
     """What was traced, by the number of devices: what many share is a matter of the design."""
     found = Counter(
         (step["term"], step["target"])
-        for steps in rows["steps"]
-        for step in json.loads(steps or "[]")
+        for steps, devices in Counter(rows["steps"]).items()
+        for step in json.loads(steps or "[]") * devices
     )
     if not found:
         return ""
@@ -182,12 +185,11 @@ def _effects(rows: Mapping[str, Sequence[Any]]) -> str:
 
 def _fits(rows: Mapping[str, Sequence[Any]]) -> Figure | None:
     """Histogram of the p-values, which is flat where the model lacks nothing."""
-    known = [p for p in rows["p_value"] if p is not None and math.isfinite(p)]
+    known = numbers_of(rows, "p_value")
+    known = known[np.isfinite(known)]
     if len(known) < 2 * BINS:
         return None
-    counts = [0] * BINS
-    for p in known:
-        counts[min(int(p * BINS), BINS - 1)] += 1
+    counts: list[int] = np.histogram(known, BINS, (0.0, 1.0))[0].tolist()
     low, expected = counts[0], len(known) / BINS
 
     def draw(width: float) -> str:
