@@ -1,12 +1,16 @@
 //! The main path on the hand controller: observations, fit, calibration, trace, verdict.
 
+use std::ops::ControlFlow;
+
 use crate::devices::{Device, How, Rng, hand_controller};
 use rsicalib::diagnosis::options::SearchOptions;
 use rsicalib::diagnosis::verdict::Verdict;
 use rsicalib::estimate::directions::reported;
+use rsicalib::estimate::progress::{Progress, Stage};
 use rsicalib::model::parse;
+use rsicalib::report::device::{self, DeviceOptions};
 use rsicalib::report::{calibrated, traced};
-use rsicalib::{FitOptions, Observations, fit};
+use rsicalib::{Error, FitOptions, Observations, fit};
 
 /// Standard deviation of one reading [count], declared.
 const NOISE: f64 = 0.5;
@@ -78,6 +82,33 @@ fn a_bent_sensor_is_unexplained_before_the_trace_and_explained_after_it() {
         let sd = found.sd.expect("determined");
         assert!((found.value - curvature).abs() < 5.0 * sd, "{} ± {sd}", found.value);
     }
+}
+
+#[test]
+fn a_device_whose_trace_is_ended_has_its_calibration() {
+    let until = |last: Stage| {
+        let mut observations = observations(&simulated(0.15).0);
+        observations.options.progress = Progress::heard_by(move |stage, _| match stage <= last {
+            true => ControlFlow::Continue(()),
+            false => ControlFlow::Break(()),
+        });
+        let options = DeviceOptions { trace: Some(SearchOptions::default()), held_out: false };
+        device::report(&observations, &options)
+    };
+    let whole = until(Stage::Detectability).expect("a trace");
+    assert!(!whole.ended && whole.verdict == Verdict::Explained && whole.steps.len() == 1);
+    for last in [Stage::Fit, Stage::Screening, Stage::Search] {
+        let ended = until(last).expect("a calibration");
+        assert!(ended.ended && ended.steps.is_empty());
+        assert_eq!(ended.verdict, Verdict::Unexplained);
+        let (alone, _) =
+            calibrated::report(&observations(&simulated(0.15).0), None).expect("a calibration");
+        assert_eq!(ended.fit.chi2, alone.fit.chi2);
+    }
+    let mut observations = observations(&simulated(0.15).0);
+    observations.options.progress = Progress::heard_by(|_, _| ControlFlow::Break(()));
+    let found = device::report(&observations, &DeviceOptions::default());
+    assert!(matches!(found, Err(Error::Ended)));
 }
 
 #[test]

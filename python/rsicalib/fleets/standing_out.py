@@ -112,12 +112,13 @@ def limit(tests: int) -> float:
 
 
 def _by_verdict(rows: Mapping[str, Sequence[Any]], by: str) -> Iterator[Remark]:
-    labels, chi2, dof, messages = (rows[name] for name in (by, "chi2", "dof", "message"))
+    labels, messages = rows[by], rows["message"]
+    chi2, dof = numbers_of(rows, "chi2"), numbers_of(rows, "dof")
     for i, verdict in enumerate(rows["verdict"]):
         if verdict in ("adequate", "unjudged"):
             continue
-        size = chi2[i] / dof[i] if chi2[i] is not None and dof[i] else 0.0
-        yield Remark(labels[i], float(size), verdict or "refused", messages[i] or "")
+        size = float(chi2[i] / dof[i]) if dof[i] > 0.0 else 0.0
+        yield Remark(labels[i], np.nan_to_num(size), verdict or "refused", messages[i] or "")
 
 
 def _by_parameter(
