@@ -12,10 +12,11 @@ from scipy import optimize, stats
 
 import rsicalib
 from rsicalib import InputError, _core
+from rsicalib.fleets.population import ShareJob
 from scripts import make_formats
 from tests.oracle import Array
 from tests.population.__main__ import mechanism
-from tests.population.production import Production, frame, readings
+from tests.population.production import MIDDLE, TOLERANCES, Production, frame, readings
 
 pa = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -147,6 +148,18 @@ def test_a_device_unlike_the_others_is_left_out_and_keeps_its_own() -> None:
     assert with_others[7] == [] and all(len(one) == 4 for one in with_others[:7])
 
 
+def test_information_is_of_the_readings_however_tightly_something_is_expected() -> None:
+    partition, _ = frame(Production(), 6, 17)
+    for part in (1.0, 0.1, 0.01):
+        parameters = [(term, None, None, 0.0, part * sd) for term, sd in TOLERANCES.items()]
+        expected = {"centre": [MIDDLE] * 9, "parameters": parameters}
+        job = ShareJob(mechanism(), "device", expected, list(TOLERANCES))
+        for share in job(partition)["share"]:
+            size = np.array([TOLERANCES[p[0]] for p in share["parameters"]])
+            values = np.linalg.eigvalsh(share["information"] * np.outer(size, size))
+            assert values[0] > -1e-9 * values[-1]
+
+
 def test_common_shifts_have_bounds_that_hold() -> None:
     rng = np.random.default_rng(6)
     inside = false = 0
@@ -166,6 +179,33 @@ def test_common_shifts_have_bounds_that_hold() -> None:
     # Without a spread between devices the bound is as wide or wider.
     assert false / 2000 < 0.05 + 4 * 0.005
     assert _core.common_shift(np.array([(1.0, 1.0), (2.0, 1.0)])) is None
+
+
+@pytest.mark.parametrize("between", [0.0, 0.3, 3.0])
+def test_the_spread_between_devices_has_an_interval_that_holds(between: float) -> None:
+    rng = np.random.default_rng(9)
+    inside = 0
+    for _ in range(2000):
+        sd = rng.uniform(0.5, 2.0, 10)
+        off = np.hypot(sd, between) * rng.standard_normal(10)
+        one = _core.common_shift(np.column_stack([off, sd]))
+        assert one is not None
+        low, high = one["between_interval"]
+        assert low <= one["between"] <= high
+        inside += low <= between <= high
+    # Where nothing is between the lower end is zero: only the upper end may be wrong.
+    expected = 0.975 if between == 0.0 else 0.95
+    assert abs(inside / 2000 - expected) < 4 * 0.005
+
+
+def test_devices_known_far_better_than_they_differ_have_the_usual_interval() -> None:
+    off = np.random.default_rng(4).standard_normal(10)
+    one = _core.common_shift(np.column_stack([off, np.full(10, 1e-9)]))
+    assert one is not None
+    squares = float(np.var(off, ddof=1)) * 9
+    ends = [np.sqrt(squares / stats.chi2.isf(p, 9)) for p in (0.025, 0.975)]
+    assert one["between_interval"] == pytest.approx(ends, rel=1e-9)
+    assert one["between"] == pytest.approx(np.std(off, ddof=1), rel=1e-9)
 
 
 def test_the_sum_of_the_fits_needs_more_than_one_per_cent_of_noise() -> None:

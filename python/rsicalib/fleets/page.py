@@ -50,6 +50,7 @@ def page(
     mechanism: Mechanism,
     together: Sequence[str] = (),
     at: Path | None = None,
+    shifts: Sequence[Mapping[str, Any]] = (),
 ) -> str:
     """Write the page as one HTML file that needs no network.
 
@@ -65,6 +66,8 @@ def page(
         What the devices have in common, in sentences.
     at : Path, optional
         Folder that the page is for: files of devices are links from there.
+    shifts : sequence of dict
+        How far parameters are from the drawing, and how much they differ, as `first_line` tells.
 
     Returns
     -------
@@ -87,6 +90,7 @@ def page(
         _remarks(out, _found(rows, by, listed), _files(rows, by, listed), at),
         _effects(rows),
         _parameters(spread, rows, by),
+        _differ(shifts),
         f'<p class="faint">rsicalib {escape(_core.__version__)}; every number is in '
         "<code>fleet.parquet</code>.</p>",
     ]
@@ -212,6 +216,22 @@ def _fits(rows: Mapping[str, Sequence[Any]]) -> Figure | None:
     if low > expected + 4.0 * math.sqrt(expected):
         words += " The devices as a whole lack an effect that one device alone may not show."
     return Figure("fits", draw, words)
+
+
+def _differ(shifts: Sequence[Mapping[str, Any]]) -> str:
+    """How much devices differ beside the errors of their estimates."""
+    if not shifts:
+        return ""
+    listed = []
+    for one in shifts:
+        low, high = map(number, one["between_interval"])
+        shift = (
+            " ± ".join(plus_minus(one["value"], one["half"])) if one["p_value"] is not None else "–"
+        )
+        listed.append((one["parameter"], shift, number(one["between"]), f"{low} … {high}"))
+    heads = ("parameter", "mean from the drawing", "sd between devices", "95 %")
+    words = "how much devices differ"
+    return section(words.capitalize(), table(heads, listed, 1, words))
 
 
 def _parameters(spread: Sequence[Spread], rows: Mapping[str, Sequence[Any]], by: str) -> str:

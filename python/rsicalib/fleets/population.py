@@ -183,7 +183,9 @@ def first_line(rows: Mapping[str, Sequence[Any]], mechanism: Mechanism) -> dict[
     -------
     dict
         `summed`: the tests of fit of all devices together, or None; `shifts`: distance of each
-        parameter from the drawing, in its unit, with the half width of an interval of 95 %.
+        parameter from the drawing, in its unit, with the half width of an interval of 95 %, and the
+        standard deviation between devices with its interval. Of unknown things the drawing says
+        nothing: their mean is no shift, and has no `p_value`.
     """
     fits = np.column_stack([numbers_of(rows, name) for name in ("chi2", "dof", "p_value")])
     shifts = []
@@ -191,10 +193,11 @@ def first_line(rows: Mapping[str, Sequence[Any]], mechanism: Mechanism) -> dict[
         off = numbers_of(rows, name) - _value_drawn(name, mechanism)
         found = _core.common_shift(np.column_stack([off, numbers_of(rows, f"{name}_sd")]))
         if found is not None:
-            shifts.append({"parameter": name, **found})
-    limit = LEVEL / max(len(shifts), 1)
+            drawn = name.partition("@")[0] not in _core.UNKNOWN_THINGS
+            shifts.append({"parameter": name, **found} | ({} if drawn else {"p_value": None}))
+    tested = [one for one in shifts if one["p_value"] is not None]
     for one in shifts:
-        one["common"] = one["p_value"] < limit
+        one["common"] = one in tested and one["p_value"] < LEVEL / len(tested)
     return {"summed": _core.summed(fits), "shifts": shifts}
 
 

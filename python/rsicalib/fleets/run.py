@@ -217,7 +217,8 @@ def fleet(
         again = lambda task: over(task, iter(all_parts()))  # noqa: E731
         found, devices = joint(job.mechanism, by, tolerances, used, again)
         files = store.write_population(found, devices)
-    html = page(table, by, job.mechanism, sentences(first, found), Path(out))
+    said = sentences(first, found)
+    html = page(table, by, job.mechanism, said, Path(out), first["shifts"])
     return Fleet(table, by, (*store.write_page(html), *files), first, found)
 
 

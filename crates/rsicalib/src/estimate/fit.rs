@@ -545,6 +545,7 @@ fn conclude(
         priors,
         noise,
         gram,
+        scale,
         conventions,
         stays,
         covariance,
