@@ -224,11 +224,12 @@ def _differ(shifts: Sequence[Mapping[str, Any]]) -> str:
         return ""
     listed = []
     for one in shifts:
-        low, high = map(number, one["between_interval"])
+        ends = one["between_interval"]
+        between = "less than their errors" if ends is None else " … ".join(map(number, ends))
         shift = (
             " ± ".join(plus_minus(one["value"], one["half"])) if one["p_value"] is not None else "–"
         )
-        listed.append((one["parameter"], shift, number(one["between"]), f"{low} … {high}"))
+        listed.append((one["parameter"], shift, number(one["between"]), between))
     heads = ("parameter", "mean from the drawing", "sd between devices", "95 %")
     words = "how much devices differ"
     return section(words.capitalize(), table(heads, listed, 1, words))

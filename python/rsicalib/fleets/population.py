@@ -184,8 +184,9 @@ def first_line(rows: Mapping[str, Sequence[Any]], mechanism: Mechanism) -> dict[
     dict
         `summed`: the tests of fit of all devices together, or None; `shifts`: distance of each
         parameter from the drawing, in its unit, with the half width of an interval of 95 %, and the
-        standard deviation between devices with its interval. Of unknown things the drawing says
-        nothing: their mean is no shift, and has no `p_value`.
+        standard deviation between devices with its interval, None where they differ by less than
+        their own errors would make them. Of unknown things the drawing says nothing: their mean is
+        no shift, and has no `p_value`.
     """
     fits = np.column_stack([numbers_of(rows, name) for name in ("chi2", "dof", "p_value")])
     shifts = []
@@ -195,6 +196,8 @@ def first_line(rows: Mapping[str, Sequence[Any]], mechanism: Mechanism) -> dict[
         if found is not None:
             drawn = name.partition("@")[0] not in _core.UNKNOWN_THINGS
             shifts.append({"parameter": name, **found} | ({} if drawn else {"p_value": None}))
+            if found["between_interval"][1] == 0.0:
+                shifts[-1]["between_interval"] = None
     tested = [one for one in shifts if one["p_value"] is not None]
     for one in shifts:
         one["common"] = one in tested and one["p_value"] < LEVEL / len(tested)
