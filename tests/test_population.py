@@ -12,7 +12,8 @@ from scipy import optimize, stats
 
 import rsicalib
 from rsicalib import InputError, _core
-from rsicalib.fleets.population import ShareJob
+from rsicalib.fleets.page import page
+from rsicalib.fleets.population import ShareJob, first_line
 from scripts import make_formats
 from tests.oracle import Array
 from tests.population.__main__ import mechanism
@@ -206,6 +207,30 @@ def test_devices_known_far_better_than_they_differ_have_the_usual_interval() -> 
     ends = [np.sqrt(squares / stats.chi2.isf(p, 9)) for p in (0.025, 0.975)]
     assert one["between_interval"] == pytest.approx(ends, rel=1e-9)
     assert one["between"] == pytest.approx(np.std(off, ddof=1), rel=1e-9)
+
+
+def test_unknown_things_have_a_spread_and_no_shift() -> None:
+    rng = np.random.default_rng(2)
+    own = rsicalib.load_mechanism("rsi")
+    rows = {"chi2": [50.0] * 12, "dof": [50.0] * 12, "p_value": [0.5] * 12}
+    at = {"offset@a11": own.channels[0].offset, "unknown_point@anchor.x": 3000.0, "bend@arm1": 0.0}
+    for name, drawn in at.items():
+        spread = 0.0 if name == "bend@arm1" else 3.0
+        rows[name] = (drawn + 5.0 + spread * rng.standard_normal(12)).tolist()
+        rows[f"{name}_sd"] = [0.1] * 12
+    found = {one["parameter"]: one for one in first_line(rows, own)["shifts"]}
+    assert found["offset@a11"]["common"] and found["offset@a11"]["value"] == pytest.approx(5, abs=3)
+    anchor = found["unknown_point@anchor.x"]
+    assert anchor["p_value"] is None and not anchor["common"]
+    squares = 11 * float(np.var(rows["unknown_point@anchor.x"], ddof=1))
+    ends = [np.sqrt(squares / stats.chi2.isf(p, 11)) for p in (0.025, 0.975)]
+    assert anchor["between_interval"] == pytest.approx(ends, rel=0.01)  # errors are a thirtieth
+    # These are alike to the bit, which their errors of 0.1 do not allow.
+    assert found["bend@arm1"]["between_interval"] is None
+    rows |= {"device": list(range(12)), "verdict": ["adequate"] * 12, "steps": ["[]"] * 12}
+    rows["message"] = [""] * 12
+    html = page(rows, "device", own, shifts=list(found.values()))
+    assert "How much devices differ" in html and "less than their errors" in html
 
 
 def test_the_sum_of_the_fits_needs_more_than_one_per_cent_of_noise() -> None:
