@@ -1,7 +1,7 @@
 """A watch killed at random, again and again: `python -m tests.watch.killed`.
 
 Prints how many alarms an unbroken watch raises, and whether those of a watch that is killed with
-SIGKILL and begun again with `--state`, thirty times, are the same.
+SIGKILL and begun again with `--state`, up to thirty times, are the same.
 """
 
 from __future__ import annotations
