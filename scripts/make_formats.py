@@ -67,7 +67,9 @@ BY_HAND = {
         "`devices`, `chi2`, `dof`, `p_value`.",
         "shifts": "A list, how far each parameter is from the drawing on the average, in its unit: "
         "`parameter` as `fleet.parquet` names it, `devices`, `value`, `half` (half width of the "
-        "interval of 95 %), `between` (standard deviation from device to device), `p_value`, "
+        "interval of 95 %), `between` (standard deviation from device to device) and "
+        "`between_interval`, of 95 % (null where devices differ by less than their own errors make "
+        "them), `p_value` (null of unknown things, of which the drawing says nothing), "
         "`common` (yes where it is no chance).",
         "population": "With `--population`: what `population.json` holds.",
         "files": "Files that were written.",

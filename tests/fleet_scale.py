@@ -23,7 +23,8 @@ import numpy as np
 import rsicalib
 from rsicalib.fleets import run as running
 from rsicalib.fleets.dataset import Partition
-from rsicalib.fleets.engines import Job, Rows
+from rsicalib.fleets.engines import Job
+from rsicalib.fleets.frames import Rows
 
 CLUSTER = """
 import sys, distributed

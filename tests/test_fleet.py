@@ -21,6 +21,7 @@ from rsicalib.fleets import run as running
 from rsicalib.fleets.dataset import Dataset
 from rsicalib.fleets.page import page
 from rsicalib.fleets.standing_out import limit, remarks, spreads
+from rsicalib.fleets.store import Parts
 from rsicalib.io.frames import columns_of
 from rsicalib.io.tables import chunks, read_table
 
@@ -233,21 +234,99 @@ def test_a_device_is_in_one_partition_only(frame: dict[str, list[Any]], dataset:
 def test_pieces_hold_each_device_once_and_give_the_rows_that_partitions_give(
     frame: dict[str, list[Any]], dataset: Path
 ) -> None:
-    source = Dataset(dataset, "device")
-    pieces = source.pieces(2)
-    assert pieces is not None
-    labels = [label for piece in pieces for label in piece.labels]
-    assert labels == [f"d{k}" for k in range(COUNT)]
-    parts = [part for piece in pieces for part in piece.read()]
-    assert [label for part in parts for label in part.labels] == labels
-    assert all(len(part.labels) <= 2 for part in parts)
-    told = [cell for part in parts for cell in part.frame["a11"]]
-    assert told == [float(cell) for cell in frame["a11"]]
+    labels = [f"d{k}" for k in range(COUNT)]
+    found = pieced(dataset, 2)
+    assert found == (labels, [float(cell) for cell in frame["a11"]])
     # Rows of all devices everywhere: each piece would read the whole file.
     order = np.argsort(np.tile(np.arange(len(frame["device"]) // COUNT), COUNT), kind="stable")
     scattered = {name: [cells[k] for k in order] for name, cells in frame.items()}
     parquet.write_table(pa.table(scattered), dataset, row_group_size=12)
     assert Dataset(dataset, "device").pieces(2) is None
+
+
+def pieced(dataset: Path, size: int) -> tuple[list[Any], list[float]] | None:
+    """Labels and readings of all pieces of a dataset, in their order."""
+    pieces = Dataset(dataset, "device").pieces(size)
+    if pieces is None:
+        return None
+    parts = [list(piece.read()) for piece in pieces]
+    for piece, own in zip(pieces, parts, strict=True):
+        assert piece.labels == [label for part in own for label in part.labels]
+        assert all(len(part.labels) <= size for part in own)
+    return (
+        [label for own in parts for part in own for label in part.labels],
+        [cell for own in parts for part in own for cell in part.frame["a11"]],
+    )
+
+
+@pytest.mark.parametrize("order", ["sorted", "turned", "names", "mixed within"])
+def test_any_row_groups_give_each_device_once_with_all_its_rows(order: str, tmp_path: Path) -> None:
+    rng = np.random.default_rng(7)
+    path = tmp_path / "readings.parquet"
+    count = 0
+    for _ in range(60):
+        sizes = rng.integers(1, 9, rng.integers(1, 40))
+        labels: list[Any] = [k for k, size in enumerate(sizes) for _ in range(size)]
+        if order == "names":  # in the order of texts
+            labels = sorted(map(str, labels))
+        elif order == "turned":  # no statistics say where devices end
+            labels = labels[::-1]
+        group = int(rng.integers(1, 60))
+        if order == "mixed within":
+            for start in range(0, len(labels), group):
+                labels[start : start + group] = rng.permutation(labels[start : start + group])
+        rows = np.arange(len(labels), dtype=np.float64)
+        parquet.write_table(pa.table({"device": labels, "a11": rows}), path, row_group_size=group)
+        found = pieced(path, int(rng.integers(1, 12)))
+        if found is None:  # small row groups without an order: they would be read too often
+            assert order == "turned"
+            continue
+        count += 1
+        devices, told = found
+        assert sorted(devices) == sorted(set(labels))
+        of_device = {
+            label: [r for own, r in zip(labels, rows, strict=True) if own == label]
+            for label in devices
+        }
+        assert told == [row for label in devices for row in of_device[label]]
+    assert count > 20
+
+
+def test_a_row_group_of_many_devices_is_several_pieces(tmp_path: Path) -> None:
+    path = tmp_path / "readings.parquet"
+    labels = np.repeat(np.arange(300), 4)
+    parquet.write_table(pa.table({"device": labels, "a11": labels * 1.0}), path)
+    pieces = Dataset(path, "device").pieces(100)
+    assert pieces is not None and len(pieces) == 16
+    assert max(len(piece.labels) for piece in pieces) <= 20
+    assert sum(piece.devices for piece in pieces) == pytest.approx(300, abs=16)
+
+
+def test_rows_are_written_where_they_are_made_if_that_sees_the_folder(
+    frame: dict[str, list[Any]], tmp_path: Path
+) -> None:
+    rows = {"device": ["a", "b"], "verdict": ["adequate", None], "chi2": [1.0, None]}
+    (tmp_path / "this.run").touch()
+    seen = Parts(tmp_path, "device", "this.run")
+    assert seen.keep("000000001", rows) == {"device": ["a", "b"]}
+    assert parquet.read_table(tmp_path / "000000001.parquet").to_pydict() == rows
+    elsewhere = Parts(tmp_path, "device", "other.run")
+    assert elsewhere.keep("000000002", rows) == rows
+    assert not (tmp_path / "000000002.parquet").exists()
+
+
+def test_a_device_that_takes_too_long_is_a_row_and_is_calibrated_again(
+    dataset: Path, tmp_path: Path
+) -> None:
+    short = rsicalib.fleet(dataset, out=tmp_path / "out", time_limit=1e-9)
+    assert short.verdicts == {"refused": COUNT} and short.exit_code == 3
+    assert set(short.rows["message"]) == {"took longer than the limit of 1e-09 s"}
+    assert set(short.rows["sha256"]) == {None}
+    rsicalib.fleet(dataset, out=tmp_path / "out", resume=True, time_limit=600.0)
+    rsicalib.fleet(dataset, out=tmp_path / "whole")
+    assert read(tmp_path / "out") == read(tmp_path / "whole")
+    with pytest.raises(InputError, match="time_limit: found 0"):
+        rsicalib.fleet(dataset, out=tmp_path / "out", time_limit=0)
 
 
 def test_a_large_csv_file_is_read_some_rows_at_a_time(

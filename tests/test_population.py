@@ -12,10 +12,12 @@ from scipy import optimize, stats
 
 import rsicalib
 from rsicalib import InputError, _core
+from rsicalib.fleets.page import page
+from rsicalib.fleets.population import ShareJob, first_line
 from scripts import make_formats
 from tests.oracle import Array
 from tests.population.__main__ import mechanism
-from tests.population.production import Production, frame, readings
+from tests.population.production import MIDDLE, TOLERANCES, Production, frame, readings
 
 pa = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -147,6 +149,18 @@ def test_a_device_unlike_the_others_is_left_out_and_keeps_its_own() -> None:
     assert with_others[7] == [] and all(len(one) == 4 for one in with_others[:7])
 
 
+def test_information_is_of_the_readings_however_tightly_something_is_expected() -> None:
+    partition, _ = frame(Production(), 6, 17)
+    for part in (1.0, 0.1, 0.01):
+        parameters = [(term, None, None, 0.0, part * sd) for term, sd in TOLERANCES.items()]
+        expected = {"centre": [MIDDLE] * 9, "parameters": parameters}
+        job = ShareJob(mechanism(), "device", expected, list(TOLERANCES))
+        for share in job(partition)["share"]:
+            size = np.array([TOLERANCES[p[0]] for p in share["parameters"]])
+            values = np.linalg.eigvalsh(share["information"] * np.outer(size, size))
+            assert values[0] > -1e-9 * values[-1]
+
+
 def test_common_shifts_have_bounds_that_hold() -> None:
     rng = np.random.default_rng(6)
     inside = false = 0
@@ -154,18 +168,69 @@ def test_common_shifts_have_bounds_that_hold() -> None:
         sd = rng.uniform(0.5, 2.0, 12)
         # Stated deviations are half of the true ones: what a spread of devices shows.
         off = 0.7 + np.hypot(2 * sd, 1.0) * rng.standard_normal(12)
-        one = _core.common_shift(list(zip(off, sd, strict=True)))
+        one = _core.common_shift(np.column_stack([off, sd]))
         assert one is not None
         inside += abs(one["value"] - 0.7) < one["half"]
     assert abs(inside / 2000 - 0.95) < 4 * 0.005
     for _ in range(2000):
         sd = rng.uniform(0.5, 2.0, 12)
-        one = _core.common_shift(list(zip(sd * rng.standard_normal(12), sd, strict=True)))
+        one = _core.common_shift(np.column_stack([sd * rng.standard_normal(12), sd]))
         assert one is not None
         false += one["p_value"] < 0.05
     # Without a spread between devices the bound is as wide or wider.
     assert false / 2000 < 0.05 + 4 * 0.005
-    assert _core.common_shift([(1.0, 1.0), (2.0, 1.0)]) is None
+    assert _core.common_shift(np.array([(1.0, 1.0), (2.0, 1.0)])) is None
+
+
+@pytest.mark.parametrize("between", [0.0, 0.3, 3.0])
+def test_the_spread_between_devices_has_an_interval_that_holds(between: float) -> None:
+    rng = np.random.default_rng(9)
+    inside = 0
+    for _ in range(2000):
+        sd = rng.uniform(0.5, 2.0, 10)
+        off = np.hypot(sd, between) * rng.standard_normal(10)
+        one = _core.common_shift(np.column_stack([off, sd]))
+        assert one is not None
+        low, high = one["between_interval"]
+        assert low <= one["between"] <= high
+        inside += low <= between <= high
+    # Where nothing is between the lower end is zero: only the upper end may be wrong.
+    expected = 0.975 if between == 0.0 else 0.95
+    assert abs(inside / 2000 - expected) < 4 * 0.005
+
+
+def test_devices_known_far_better_than_they_differ_have_the_usual_interval() -> None:
+    off = np.random.default_rng(4).standard_normal(10)
+    one = _core.common_shift(np.column_stack([off, np.full(10, 1e-9)]))
+    assert one is not None
+    squares = float(np.var(off, ddof=1)) * 9
+    ends = [np.sqrt(squares / stats.chi2.isf(p, 9)) for p in (0.025, 0.975)]
+    assert one["between_interval"] == pytest.approx(ends, rel=1e-9)
+    assert one["between"] == pytest.approx(np.std(off, ddof=1), rel=1e-9)
+
+
+def test_unknown_things_have_a_spread_and_no_shift() -> None:
+    rng = np.random.default_rng(2)
+    own = rsicalib.load_mechanism("rsi")
+    rows = {"chi2": [50.0] * 12, "dof": [50.0] * 12, "p_value": [0.5] * 12}
+    at = {"offset@a11": own.channels[0].offset, "unknown_point@anchor.x": 3000.0, "bend@arm1": 0.0}
+    for name, drawn in at.items():
+        spread = 0.0 if name == "bend@arm1" else 3.0
+        rows[name] = (drawn + 5.0 + spread * rng.standard_normal(12)).tolist()
+        rows[f"{name}_sd"] = [0.1] * 12
+    found = {one["parameter"]: one for one in first_line(rows, own)["shifts"]}
+    assert found["offset@a11"]["common"] and found["offset@a11"]["value"] == pytest.approx(5, abs=3)
+    anchor = found["unknown_point@anchor.x"]
+    assert anchor["p_value"] is None and not anchor["common"]
+    squares = 11 * float(np.var(rows["unknown_point@anchor.x"], ddof=1))
+    ends = [np.sqrt(squares / stats.chi2.isf(p, 11)) for p in (0.025, 0.975)]
+    assert anchor["between_interval"] == pytest.approx(ends, rel=0.01)  # errors are a thirtieth
+    # These are alike to the bit, which their errors of 0.1 do not allow.
+    assert found["bend@arm1"]["between_interval"] is None
+    rows |= {"device": list(range(12)), "verdict": ["adequate"] * 12, "steps": ["[]"] * 12}
+    rows["message"] = [""] * 12
+    html = page(rows, "device", own, shifts=list(found.values()))
+    assert "How much devices differ" in html and "less than their errors" in html
 
 
 def test_the_sum_of_the_fits_needs_more_than_one_per_cent_of_noise() -> None:
@@ -174,8 +239,8 @@ def test_the_sum_of_the_fits_needs_more_than_one_per_cent_of_noise() -> None:
     def fleet(factor: float) -> dict[str, Any]:
         # F of 60 and 300 degrees of freedom: noise that each device estimates itself.
         f = factor * rng.f(60, 300, 2000)
-        fits = zip(60 * f, stats.f.sf(f, 60, 300), strict=True)
-        found = _core.summed([(chi2, 60.0, p) for chi2, p in fits])
+        fits = [60 * f, np.full(len(f), 60.0), stats.f.sf(f, 60, 300)]
+        found = _core.summed(np.column_stack(fits))
         assert found is not None
         return found
 
@@ -184,7 +249,7 @@ def test_the_sum_of_the_fits_needs_more_than_one_per_cent_of_noise() -> None:
     assert all(fleet(1.02)["p_value"] > 1e-3 for _ in range(20))
     assert fleet(1.08)["p_value"] < 1e-6
     assert sound[0]["devices"] == 2000 and sound[0]["dof"] == 120_000
-    assert _core.summed([(1.0, 1.0, 0.5)]) is None
+    assert _core.summed(np.array([(1.0, 1.0, 0.5)])) is None
 
 
 def drawn() -> rsicalib.Mechanism:

@@ -368,11 +368,13 @@ def calibrate_devices(
     noise: Sequence[float] | None = None,
     trace: Any = True,
     held_out: Any = False,
+    time_limit: float | None = None,
 ) -> dict[str, list[Any]]:
     """Calibrates devices one after the other, column by column in the order of the tables.
 
     `rests` holds readings of the rest pose, shape (n, C), or None, for each table. A device that
-    cannot be calibrated has a message and no numbers.
+    cannot be calibrated has a message and no numbers; one that takes longer than `time_limit` [s] is
+    `ended`, with its calibration where only the trace took longer.
     """
 
 def calibrated_sensors(mechanism: Mechanism, applied: Mapping[str, Any]) -> Mechanism:
@@ -389,8 +391,8 @@ def check(
 ) -> dict[str, Any]:
     """Error of a result on known poses, root mean square over components."""
 
-def common_shift(devices: Sequence[tuple[float, float]]) -> dict[str, Any] | None:
-    """Common shift of a parameter, from (distance from the drawing, sd) of each device:
+def common_shift(devices: Array) -> dict[str, Any] | None:
+    """Common shift of a parameter, from a row for each device (distance from the drawing, sd):
     `{devices, value, half, between, p_value}`, None for too few.
     """
 
@@ -668,8 +670,11 @@ def steps(values: Array, counts: Sequence[bool]) -> list[float]:
     `values` has shape (n, channels), `counts` says which are read in whole counts.
     """
 
-def summed(devices: Sequence[tuple[float, float, float]]) -> dict[str, Any] | None:
-    """The tests of fit of many devices together: `{devices, chi2, dof, p_value}`, None for too few."""
+def summed(devices: Array) -> dict[str, Any] | None:
+    """The tests of fit of many devices together: `{devices, chi2, dof, p_value}`, None for too few.
+
+    `devices` has a row for each: chi2, dof, p-value.
+    """
 
 def terms(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Every term there is, with its targets in a mechanism."""

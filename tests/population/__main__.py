@@ -1,10 +1,11 @@
 """What fleets say of their design, by the hundred: `python -m tests.population`.
 
 `--part` chooses a table: `table` is handle error alone and with the others, for tight and loose
-production; `sound` counts errors of the drawing that are named in fleets that have none; `forearm`
-counts fleets of 60 devices whose forearm, .6 % too long in all of them, is named; `linear` counts
-what is named in many fleets without an error, drawn with the information of real devices; `sum` is
-the summed χ² of sound devices.
+production; `sound` counts errors of the drawing that are named in fleets that have none; `first`
+the same of what is said of every fleet, without a joint estimate; `forearm` counts fleets of 60
+devices whose forearm, .6 % too long in all of them, is named; `linear` counts what is named in many
+fleets without an error, drawn with the information of real devices; `sum` is the summed χ² of sound
+devices.
 """
 
 from __future__ import annotations
@@ -109,17 +110,29 @@ def named(options: argparse.Namespace, production: Production, poses: int) -> No
     """What is named in fleets."""
     counts: Counter[str] = Counter()
     for seed in range(options.seed, options.seed + options.fleets):
-        found, _, _, partition = shared(production, options.devices, seed, poses)
-        rows = calibrate_devices(partition.frame, "rsi", trace=False)
-        first = first_line(rows, rsicalib.load_mechanism("rsi"))
+        found, _, _, _ = shared(production, options.devices, seed, poses)
         counts["fleets"] += 1
-        counts["sum significant"] += first["summed"]["p_value"] < 0.01
-        counts["any shift common"] += any(s["common"] for s in first["shifts"])
         counts["outliers"] += len(found["outliers"])
         counts["anything named"] += bool(found["design"])
         said = [f"{one['term']}@{one['target']}" for one in found["design"]]
         counts[f"named {' and '.join(said) or 'nothing'}"] += 1
     print(dict(counts), flush=True)
+
+
+def first(options: argparse.Namespace, production: Production) -> None:
+    """What is said of fleets without a joint estimate."""
+    counts: Counter[str] = Counter()
+    shifts = within = 0
+    for seed in range(options.seed, options.seed + options.fleets):
+        partition, _ = frame(production, options.devices, seed)
+        rows = calibrate_devices(partition.frame, "rsi", trace=False)
+        found = first_line(rows, rsicalib.load_mechanism("rsi"))
+        counts["fleets"] += 1
+        counts["sum significant"] += found["summed"]["p_value"] < 0.01
+        counts["any shift common"] += any(one["common"] for one in found["shifts"])
+        shifts += len(found["shifts"])
+        within += sum(abs(one["value"]) < one["half"] for one in found["shifts"])
+    print(dict(counts), f"{within} of {shifts} intervals hold", flush=True)
 
 
 def linear(options: argparse.Namespace) -> None:
@@ -168,7 +181,7 @@ def summed(options: argparse.Namespace) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parts = ("table", "sound", "forearm", "linear", "sum")
+    parts = ("table", "sound", "first", "forearm", "linear", "sum")
     parser.add_argument("--part", choices=parts, default="table")
     parser.add_argument("--fleets", type=int, default=100, help="of table: devices of the fleet")
     parser.add_argument("--devices", type=int, default=60)
@@ -178,6 +191,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         table(options)
     elif options.part == "sound":
         named(options, Production(), 24)
+    elif options.part == "first":
+        first(options, Production(length=0.0))
     elif options.part == "forearm":
         named(options, Production(length=0.0005, design={"length@4": FOREARM}), 24)
     elif options.part == "linear":

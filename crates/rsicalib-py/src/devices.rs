@@ -1,6 +1,8 @@
 //! Many devices at once.
 
+use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::{Duration, Instant};
 
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
@@ -8,6 +10,7 @@ use pyo3::types::PyDict;
 use pythonize::pythonize;
 use rsicalib::diagnosis::options::SearchOptions;
 use rsicalib::diagnosis::verdict::{Evidence, judge};
+use rsicalib::estimate::progress::Progress;
 use rsicalib::estimate::{FitOptions, Observations};
 use rsicalib::mechanism::Mechanism;
 use rsicalib::readings::Table;
@@ -21,16 +24,24 @@ use crate::threads::work;
 /// Readings of one device: a table, and readings of its rest pose.
 type Readings = (Table, Option<Vec<f64>>);
 
-/// What became of one device; where there is no report, the verdict if there is one, and why.
-type Outcome = Result<DeviceReport, (Option<&'static str>, String)>;
+/// Why a device has no report.
+#[derive(Default)]
+struct Refused {
+    verdict: Option<&'static str>,
+    message: String,
+    ended: bool,
+}
+
+type Outcome = Result<DeviceReport, Refused>;
 
 /// Calibrates devices one after the other, column by column in the order of the tables.
 ///
 /// `rests` holds readings of the rest pose, shape (n, C), or None, for each table. A device that
-/// cannot be calibrated has a message and no numbers.
+/// cannot be calibrated has a message and no numbers; one that takes longer than `time_limit` [s] is
+/// `ended`, with its calibration where only the trace took longer.
 #[pyfunction]
 #[pyo3(signature = (mechanism, tables, rests, *, terms=None, closures=None, noise=None,
-                    trace=true, held_out=false))]
+                    trace=true, held_out=false, time_limit=None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn calibrate_devices<'py>(
     py: Python<'py>,
@@ -42,6 +53,7 @@ pub fn calibrate_devices<'py>(
     noise: Option<Vec<f64>>,
     trace: bool,
     held_out: bool,
+    time_limit: Option<f64>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let rest = |rest: &Option<PyReadonlyArray2<'_, f64>>| {
         rest.as_ref().map(|r| r.as_array().iter().copied().collect())
@@ -51,10 +63,24 @@ pub fn calibrate_devices<'py>(
     let fit = fit_options(terms, closures, None, noise)?;
     let options = DeviceOptions { trace: trace.then(SearchOptions::default), held_out };
     let mechanism = mechanism.0.clone();
+    let limit = time_limit.map(Duration::from_secs_f64);
     let found: Vec<Outcome> = work(py, || {
-        readings.into_iter().map(|one| calibrate(&mechanism, one, &fit, &options)).collect()
+        let one = |readings| {
+            let progress = limit.map(until).unwrap_or_default();
+            calibrate(&mechanism, readings, &FitOptions { progress, ..fit.clone() }, &options)
+        };
+        readings.into_iter().map(one).collect()
     })?;
     columns(py, &found, held_out)
+}
+
+/// Ends a job that takes longer than `limit` from now.
+fn until(limit: Duration) -> Progress {
+    let begun = Instant::now();
+    Progress::heard_by(move |_, _| match begun.elapsed() < limit {
+        true => ControlFlow::Continue(()),
+        false => ControlFlow::Break(()),
+    })
 }
 
 /// One device. A panic of the core is its own, and the others are calibrated all the same.
@@ -65,16 +91,20 @@ fn calibrate(
     options: &DeviceOptions,
 ) -> Outcome {
     let job = || report(&Observations::new(mechanism, table, rest, fit.clone())?, options);
-    match catch_unwind(AssertUnwindSafe(job)) {
-        Ok(Ok(report)) => Ok(report),
-        Ok(Err(error)) => match error {
-            rsicalib::Error::TooFew { .. } => {
-                Err((Some(judge(&Evidence::default()).verdict.id()), error.to_string()))
-            }
-            _ => Err((None, error.to_string())),
-        },
-        Err(_) => Err((None, "a defect of rsicalib; please report it".into())),
-    }
+    let defect = || Refused {
+        message: "a defect of rsicalib; please report it".into(),
+        ..Refused::default()
+    };
+    let error = match catch_unwind(AssertUnwindSafe(job)).map_err(|_| defect())? {
+        Ok(report) => return Ok(report),
+        Err(error) => error,
+    };
+    let few = matches!(error, rsicalib::Error::TooFew { .. });
+    Err(Refused {
+        verdict: few.then(|| judge(&Evidence::default()).verdict.id()),
+        message: error.to_string(),
+        ended: matches!(error, rsicalib::Error::Ended),
+    })
 }
 
 fn columns<'py>(
@@ -83,10 +113,12 @@ fn columns<'py>(
     held_out: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
-    let verdict = |one: &Outcome| one.as_ref().map_or_else(|e| e.0, |r| Some(r.verdict.id()));
-    let message = |one: &Outcome| one.as_ref().map_or_else(|e| e.1.clone(), |r| r.message.clone());
+    let verdict = |one: &Outcome| one.as_ref().map_or_else(|e| e.verdict, |r| Some(r.verdict.id()));
+    let message = |one: &Outcome| one.as_ref().map_or_else(|e| &e.message, |r| &r.message).clone();
+    let ended = |one: &Outcome| one.as_ref().map_or_else(|e| e.ended, |r| r.ended);
     out.set_item("verdict", found.iter().map(verdict).collect::<Vec<_>>())?;
     out.set_item("message", found.iter().map(message).collect::<Vec<_>>())?;
+    out.set_item("ended", found.iter().map(ended).collect::<Vec<_>>())?;
     let numbers = |name: &str, of: &dyn Fn(&DeviceReport) -> Option<f64>| {
         let of = |one: &Outcome| one.as_ref().ok().and_then(of).filter(|v| v.is_finite());
         out.set_item(name, found.iter().map(of).collect::<Vec<_>>())

@@ -150,22 +150,27 @@ pub fn population<'py>(
 }
 
 /// The tests of fit of many devices together: `{devices, chi2, dof, p_value}`, None for too few.
+///
+/// `devices` has a row for each: chi2, dof, p-value.
 #[pyfunction]
 pub fn summed<'py>(
     py: Python<'py>,
-    devices: Vec<(f64, f64, f64)>,
+    devices: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Option<Bound<'py, PyAny>>> {
+    let devices: Vec<_> =
+        devices.as_array().rows().into_iter().map(|d| (d[0], d[1], d[2])).collect();
     let found: Option<Summed> = rsicalib::population::summed(&devices);
     Ok(found.map(|found| pythonize(py, &found)).transpose()?)
 }
 
-/// Common shift of a parameter, from (distance from the drawing, sd) of each device:
+/// Common shift of a parameter, from a row for each device (distance from the drawing, sd):
 /// `{devices, value, half, between, p_value}`, None for too few.
 #[pyfunction]
 pub fn common_shift<'py>(
     py: Python<'py>,
-    devices: Vec<(f64, f64)>,
+    devices: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Option<Bound<'py, PyAny>>> {
+    let devices: Vec<_> = devices.as_array().rows().into_iter().map(|d| (d[0], d[1])).collect();
     let found: Option<Shift> = rsicalib::population::common_shift(&devices);
     Ok(found.map(|found| pythonize(py, &found)).transpose()?)
 }

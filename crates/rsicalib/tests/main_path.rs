@@ -1,12 +1,18 @@
 //! The main path on the hand controller: observations, fit, calibration, trace, verdict.
 
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use crate::devices::{Device, How, Rng, hand_controller};
 use rsicalib::diagnosis::options::SearchOptions;
 use rsicalib::diagnosis::verdict::Verdict;
 use rsicalib::estimate::directions::reported;
+use rsicalib::estimate::progress::Progress;
 use rsicalib::model::parse;
+use rsicalib::report::device::{self, DeviceOptions};
 use rsicalib::report::{calibrated, traced};
-use rsicalib::{FitOptions, Observations, fit};
+use rsicalib::{Error, FitOptions, Observations, fit};
 
 /// Standard deviation of one reading [count], declared.
 const NOISE: f64 = 0.5;
@@ -78,6 +84,34 @@ fn a_bent_sensor_is_unexplained_before_the_trace_and_explained_after_it() {
         let sd = found.sd.expect("determined");
         assert!((found.value - curvature).abs() < 5.0 * sd, "{} ± {sd}", found.value);
     }
+}
+
+#[test]
+fn a_device_whose_trace_is_ended_has_its_calibration() {
+    // The listener is called so often at most; how often it was.
+    let report = |most: usize, trace: Option<SearchOptions>| {
+        let mut observations = observations(&simulated(0.15).0);
+        let calls = Arc::new(AtomicUsize::new(0));
+        let heard = Arc::clone(&calls);
+        observations.options.progress =
+            Progress::heard_by(move |_, _| match heard.fetch_add(1, Ordering::Relaxed) < most {
+                true => ControlFlow::Continue(()),
+                false => ControlFlow::Break(()),
+            });
+        let found = device::report(&observations, &DeviceOptions { trace, held_out: false });
+        (found, calls.load(Ordering::Relaxed))
+    };
+    let search = || Some(SearchOptions::default());
+    let (alone, calls) = report(usize::MAX, None);
+    let alone = alone.expect("a calibration");
+    assert!(!alone.ended && alone.verdict == Verdict::Unexplained);
+    let whole = report(usize::MAX, search()).0.expect("a trace");
+    assert!(!whole.ended && whole.verdict == Verdict::Explained && whole.steps.len() == 1);
+    let ended = report(calls + 1, search()).0.expect("a calibration");
+    assert!(ended.ended);
+    assert_eq!((ended.verdict, ended.fit.chi2), (alone.verdict, alone.fit.chi2));
+    assert_eq!(ended.parameters, alone.parameters);
+    assert!(matches!(report(calls - 1, search()).0, Err(Error::Ended)));
 }
 
 #[test]

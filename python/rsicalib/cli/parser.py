@@ -290,6 +290,8 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--dask", metavar="ADDRESS", help="the workers of this scheduler compute")
     words = "keep the rows of devices whose readings are the same"
     sub.add_argument("--resume", action="store_true", help=words)
+    words = "for one device, whose row says so where that was too short; no limit where not given"
+    sub.add_argument("--time-limit", metavar="SECONDS", type=parsed("time_limit"), help=words)
     words = "what the devices share: errors of the drawing, a prior for the next device"
     sub.add_argument("--population", action="store_true", help=words)
     words = "folder for fleet.parquet and fleet.html"

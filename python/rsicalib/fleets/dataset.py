@@ -5,7 +5,9 @@ from __future__ import annotations
 import importlib
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,9 @@ from rsicalib.io.tables import PARQUET, Table, chunks, read_table, text
 from rsicalib.plain_text import encodable
 
 __all__ = ["Dataset", "Partition", "Piece", "pyarrow_modules"]
+
+CUTS = 16
+"""Pieces of a row group at most, as each of them reads all of it; of a dataset at least."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +61,18 @@ class Piece:
 
     places: tuple[tuple[str, int], ...]
     """Files, and numbers of the row groups in them."""
-    labels: list[Any]
-    """The devices, in order."""
+    devices: int
+    """Its devices, or about how many there are."""
+    known: tuple[Any, ...] | None
+    """The devices; None for those that begin in `rows`."""
+    own: int
+    """Row groups, the first ones, that are read; the others hold the rest of `ends`."""
+    rows: tuple[int, int]
+    """First row of those groups, and the one after the last, in which devices begin."""
+    skip: Any
+    """A device in these rows that began before them."""
+    ends: Any
+    """The device that goes on in the other row groups."""
     rest: Columns | None
     by: str
     size: int
@@ -65,20 +80,46 @@ class Piece:
     place: str = ""
     """Where it is in the dataset."""
 
+    @property
+    def labels(self) -> list[Any]:
+        """The devices, in order."""
+        return list(self._devices(_together(self.places[: self.own], [self.by])))
+
     def read(self) -> Iterator[Partition]:
         """Its rows, some devices at a time."""
-        _, parquet = pyarrow_modules(self.places[0][0])
-        groups = [parquet.ParquetFile(file).read_row_group(group) for file, group in self.places]
-        frame = joined([columns_of(group) for group in groups])
-        devices = _by_device(frame, self.by)
+        frame = _together(self.places[: self.own])
+        devices = self._devices(frame)
+        if self.ends in devices and self.own < len(self.places):
+            frame = joined([frame, _together(self.places[self.own :])])
+            runs = _by_device(frame, self.by)
+            devices = {label: runs[label] for label in devices}
         rests = {} if self.rest is None else _by_device(self.rest, self.by)
-        for start in range(0, len(self.labels), self.size):
-            labels = self.labels[start : start + self.size]
+        labels = list(devices)
+        for start in range(0, len(labels), self.size):
+            some = labels[start : start + self.size]
             at_rest = None
             if self.rest is not None:
-                at_rest = select(self.rest, (run for own in labels for run in rests.get(own, [])))
-            own = select(frame, (run for label in labels for run in devices[label]))
+                at_rest = select(self.rest, (run for own in some for run in rests.get(own, [])))
+            own = select(frame, (run for label in some for run in devices[label]))
             yield Partition(own, at_rest, by=self.by, place=f"{self.place}.{start:09}")
+
+    def _devices(self, frame: Columns) -> dict[Any, Runs]:
+        """Rows of its devices in the row groups that are its own."""
+        runs = _by_device(frame, self.by)
+        if self.known is not None:
+            return {label: runs[label] for label in self.known}
+        first, end = self.rows
+        begun = {label for label, own in runs.items() if first <= own[0].start < end}
+        return {label: own for label, own in runs.items() if label in begun - {self.skip}}
+
+
+def _together(places: Iterable[tuple[str, int]], columns: list[str] | None = None) -> Columns:
+    """Rows of some row groups."""
+    groups = []
+    for file, group in places:
+        _, parquet = pyarrow_modules(file)
+        groups.append(parquet.ParquetFile(file).read_row_group(group, columns=columns))
+    return joined([columns_of(group) for group in groups])
 
 
 class Dataset:
@@ -145,13 +186,59 @@ class Dataset:
         return self._of_files(((encodable(p.stem), p, None) for p in self.csv), size)
 
     def pieces(self, size: int) -> list[Piece] | None:
-        """The devices by the row groups that they are in, at least `size` together.
+        """The devices by the rows in which they begin, about `size` together.
 
-        None where there are no row groups, or where devices are so scattered over them that they
-        would be read more than twice.
+        Where row groups are sorted by the device, their statistics say so and no row is read; else
+        the column of the device is. None where there are no row groups, or where devices are so
+        scattered over them that they would be read more than twice.
         """
         if not self.parquet:
             return None
+        if self.rest is None:
+            groups = _bounds(self.parquet, self.by)
+            if groups is not None:
+                return self._in_order(groups, size)
+        return self._by_ends(size)
+
+    def _in_order(self, groups: Sequence[_Group], size: int) -> list[Piece]:
+        """Pieces of row groups that are sorted by the device."""
+        labels = _labels(_together([groups[0].place], [self.by]), self.by) if groups else []
+        per = max(1, len(labels) // max(1, len(set(labels))))
+        pieces: list[Piece] = []
+        begin = 0
+        while begin < len(groups):
+            end, rows = begin + 1, groups[begin].rows
+            while end < len(groups) and rows < size * per:
+                rows += groups[end].rows
+                end += 1
+            ends = groups[end - 1].most
+            last = end
+            while last < len(groups) and groups[last].least == ends:
+                last += 1
+            before = begin > 0 and groups[begin - 1].most == groups[begin].least
+            # Few for the workers, or as many in one as none should lose.
+            cuts = max(CUTS // len(groups), rows // (10 * size * per))
+            cuts = max(1, min(cuts, CUTS, rows // per))
+            for k in range(cuts):
+                own = (rows * k // cuts, rows * (k + 1) // cuts)
+                piece = Piece(
+                    places=tuple(group.place for group in groups[begin:last]),
+                    devices=(own[1] - own[0]) // per,
+                    known=None,
+                    own=end - begin,
+                    rows=own,
+                    skip=groups[begin].least if before else None,
+                    ends=ends,
+                    rest=None,
+                    by=self.by,
+                    size=size,
+                )
+                pieces.append(piece)
+            begin = end
+        return pieces
+
+    def _by_ends(self, size: int) -> list[Piece] | None:
+        """Pieces of row groups in which devices are in any order."""
         places, first, last = _ends(self.parquet, self.by)
         ending: list[list[Any]] = [[] for _ in places]
         for label, group in last.items():
@@ -169,12 +256,26 @@ class Dataset:
             scattered = len(labels) > 2 * size and group - begin > 1
             if scattered or read > 2 * len(places):
                 return None
-            own = tuple((str(file), number) for file, number in places[begin : group + 1])
+            own = tuple(
+                (os.path.abspath(file), number) for file, number in places[begin : group + 1]
+            )
             rest = None
             if self.rest is not None:
                 runs = _by_device(self.rest, self.by)
                 rest = select(self.rest, (run for own in labels for run in runs.get(own, [])))
-            pieces.append(Piece(own, labels, rest, self.by, size))
+            piece = Piece(
+                places=own,
+                devices=len(labels),
+                known=tuple(labels),
+                own=len(own),
+                rows=(0, 0),
+                skip=None,
+                ends=None,
+                rest=rest,
+                by=self.by,
+                size=size,
+            )
+            pieces.append(piece)
             labels = []
         return pieces
 
@@ -292,20 +393,64 @@ def pyarrow_modules(source: str) -> tuple[Any, Any]:
         ) from None
 
 
+@dataclass(frozen=True)
+class _Group:
+    """A row group, and the least and the greatest label in it."""
+
+    place: tuple[str, int]
+    rows: int
+    least: Any
+    most: Any
+
+
+def _bounds(files: Sequence[Path], by: str) -> list[_Group] | None:
+    """The row groups, where their statistics say that they are sorted by the device."""
+    groups: list[_Group] = []
+    for file in files:
+        with _opened(file, by) as opened:
+            column = opened.schema.names.index(by)
+            for number in range(opened.num_row_groups):
+                group = opened.metadata.row_group(number)
+                told = group.column(column).statistics
+                if not group.num_rows:
+                    continue
+                # Labels that are missing are in no statistics.
+                if told is None or not told.has_min_max or told.null_count:
+                    return None
+                if not isinstance(told.min, str | int):
+                    return None
+                groups.append(
+                    _Group((os.path.abspath(file), number), group.num_rows, told.min, told.max)
+                )
+    kinds = {type(group.least) for group in groups}
+    in_order = len(kinds) <= 1 and all(a.most <= b.least for a, b in pairwise(groups))
+    return groups if in_order else None
+
+
+@contextmanager
+def _opened(file: Path, by: str) -> Iterator[Any]:
+    """A Parquet file that has the column of the device."""
+    pyarrow, parquet = pyarrow_modules(str(file))
+    try:
+        opened = parquet.ParquetFile(file)
+        if by not in opened.schema_arrow.names:
+            found = f"no column {by!r} ({', '.join(opened.schema_arrow.names)})"
+            raise InputError.at(str(file), found=found, expected="one that names the device")
+        yield opened
+    except (pyarrow.ArrowException, OSError) as error:
+        found = f"what pyarrow cannot read ({error})"
+        raise InputError.at(str(file), found=found, expected="a Parquet file") from None
+
+
 def _ends(
     files: Sequence[Path], by: str
 ) -> tuple[list[tuple[Path, int]], dict[Any, int], dict[Any, int]]:
     """All row groups, and the numbers of the first and the last one of every device."""
-    pyarrow, parquet = pyarrow_modules(str(files[0]))
     first: dict[Any, int] = {}
     last: dict[Any, int] = {}
     places: list[tuple[Path, int]] = []
     for file in files:
-        try:
-            opened = parquet.ParquetFile(file)
-            if by not in opened.schema_arrow.names:
-                found = f"no column {by!r} ({', '.join(opened.schema_arrow.names)})"
-                raise InputError.at(str(file), found=found, expected="one that names the device")
+        with _opened(file, by) as opened:
             for group in range(opened.num_row_groups):
                 column = opened.read_row_group(group, columns=[by]).column(0)
                 here = dict.fromkeys(column.unique().to_pylist(), len(places))
@@ -313,9 +458,6 @@ def _ends(
                 for label in here:
                     first.setdefault(label, len(places))
                 places.append((file, group))
-        except (pyarrow.ArrowException, OSError) as error:
-            found = f"what pyarrow cannot read ({error})"
-            raise InputError.at(str(file), found=found, expected="a Parquet file") from None
     return places, first, last
 
 

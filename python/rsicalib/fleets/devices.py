@@ -19,7 +19,7 @@ from rsicalib.fleets.frames import TEXT, Frame, frame_like, runs_of, select
 from rsicalib.io.cells import Fault, MechanismLike, read_cells, read_header
 from rsicalib.io.frames import Cells, Columns, columns_of
 from rsicalib.io.tables import Table, text
-from rsicalib.options import names
+from rsicalib.options import names, number
 from rsicalib.work.arguments import Bare, MechanismArg, noise_of_channels, open_mechanism
 
 __all__ = ["REST", "Device", "calibrate_devices", "devices_of", "digests", "without"]
@@ -42,6 +42,7 @@ def calibrate_devices(
     noise: float | Mapping[str, float] | None = None,
     trace: bool = True,
     held_out: bool = False,
+    time_limit: float | None = None,
 ) -> Frame:
     """Calibrate every device in a table: rows of readings in, one row for each device out.
 
@@ -67,6 +68,10 @@ def calibrate_devices(
         Trace the residual of devices where it is significant.
     held_out : bool
         Add the error on poses that are left out in turn, which takes as long again.
+    time_limit : float, optional
+        Longest time for one device [s]. A device that takes longer says so in `message` and has
+        no `sha256`; where only its trace took longer, it has its calibration. Which devices these
+        are depends on the machine.
 
     Returns
     -------
@@ -93,6 +98,7 @@ def calibrate_devices(
     ['adequate', 'adequate']
     """
     mechanism = open_mechanism(mechanism)
+    time_limit = None if time_limit is None else number("time_limit", time_limit)
     if by in (*TEXT, *NUMBERS):
         raise InputError(f"by: found {by!r}, a column of the results, expected another name")
     devices = devices_of(
@@ -108,7 +114,9 @@ def calibrate_devices(
         noise=noise_of_channels(noise, mechanism),
         trace=trace,
         held_out=held_out,
+        time_limit=time_limit,
     )
+    ended = iter(found.pop("ended"))
     found["steps"] = [json.dumps(plain(steps), ensure_ascii=False) for steps in found["steps"]]
     rows = {
         by: [one.label for one in devices],
@@ -121,7 +129,16 @@ def calibrate_devices(
         found if one.refused is None else one.refused
         for one, found in zip(devices, rows["message"], strict=True)
     ]
+    for k in [k for k, one in enumerate(devices) if one.refused is None and next(ended)]:
+        rows["message"][k] = _ended(time_limit, rows["verdict"][k], rows["message"][k])
+        rows["sha256"][k] = None  # calibrated again by a run that is resumed
     return frame_like(frame, rows, by)
+
+
+def _ended(limit: float | None, verdict: str | None, message: str) -> str:
+    """What is said of a device that took too long."""
+    over = f"took longer than the limit of {limit:g} s"
+    return over if verdict is None else "; ".join(filter(None, [f"its trace {over}", message]))
 
 
 def _spread(cells: list[Any], devices: Sequence[Device]) -> list[Any]:
@@ -230,13 +247,13 @@ class _Read:
         if not self.faults:
             return None
         of = np.arange(len(self.labels))[rows].tolist()
-        for number, row in enumerate(of, start=1):
+        for place, row in enumerate(of, start=1):
             if row in self.faults:
                 f = self.faults[row]
                 bad = sum(1 for r in of if r in self.faults)
                 more = f" ({bad} rows cannot be used)" if bad > 1 else ""
                 return (
-                    f"row {number}, column {f.column}: found {f.found}, expected {f.expected}{more}"
+                    f"row {place}, column {f.column}: found {f.found}, expected {f.expected}{more}"
                 )
         return None
 

@@ -16,21 +16,19 @@ from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.fleets.dataset import Partition, Piece
 from rsicalib.fleets.devices import calibrate_devices
-from rsicalib.fleets.frames import joined_rows
+from rsicalib.fleets.frames import Rows, joined_rows
+from rsicalib.fleets.store import Parts
 
-__all__ = ["Job", "Part", "Rows", "Task", "over_dask", "over_threads"]
-
-Rows: TypeAlias = dict[str, Any]
-"""Results by column, each of length n."""
-
+__all__ = ["Job", "Part", "Task", "over_dask", "over_threads"]
 
 Part: TypeAlias = Partition | Piece
 """What is handed out: rows, or where they are."""
 
 
 def _work(job: Task, part: Part) -> Rows:
-    """Rows of the devices of a part, which is read where this runs."""
-    return joined_rows(*(job(partition) for partition in part.read()))
+    """Rows of the devices of a part, which is read where this runs, and written if it can be."""
+    rows = joined_rows(*(job(partition) for partition in part.read()))
+    return rows if job.parts is None else job.parts.keep(part.place, rows)
 
 
 def _reaches(paths: list[str]) -> bool:
@@ -43,6 +41,10 @@ class Task(Protocol):
     @property
     def by(self) -> str:
         """The column that names the device."""
+
+    @property
+    def parts(self) -> Parts | None:
+        """Where rows are written; None where they come back."""
 
     def __call__(self, partition: Partition) -> Rows:
         """Rows of the devices of a partition."""
@@ -59,6 +61,7 @@ class Job:
     by: str
     options: Mapping[str, Any]
     """Keyword arguments of `calibrate_devices`."""
+    parts: Parts | None = None
 
     def __call__(self, partition: Partition) -> Rows:
         """Calibrate the devices of a partition."""

@@ -9,12 +9,27 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from rsicalib.arrays import FloatArray
 from rsicalib.io.frames import Cells, Columns
 
-__all__ = ["TEXT", "Frame", "Runs", "frame_like", "joined", "joined_rows", "runs_of", "select"]
+__all__ = [
+    "TEXT",
+    "Frame",
+    "Rows",
+    "Runs",
+    "frame_like",
+    "joined",
+    "joined_rows",
+    "numbers_of",
+    "runs_of",
+    "select",
+]
 
 Frame: TypeAlias = Any
 """A pandas or Polars DataFrame, a pyarrow Table or RecordBatch, or a mapping of names to arrays."""
+
+Rows: TypeAlias = dict[str, Any]
+"""Results by column, each of length n."""
 
 TEXT = ("verdict", "message", "steps", "sha256", "file")
 """Columns of results that hold text; the other columns hold numbers, NaN where unknown."""
@@ -93,3 +108,12 @@ def joined_rows(*parts: Mapping[str, Any]) -> dict[str, list[Any]]:
         for name, cells in out.items():
             cells += list(part[name]) if name in part else [None] * size
     return out
+
+
+def numbers_of(rows: Mapping[str, Sequence[Any]], name: str) -> FloatArray:
+    """A column of numbers, NaN where there is none; rows on disk have it as an array at once."""
+    own = getattr(rows, "numbers", None)
+    if own is not None:
+        found: FloatArray = own(name)
+        return found
+    return np.array([np.nan if c is None else c for c in rows[name]], dtype=np.float64)

@@ -15,9 +15,12 @@ from textwrap import shorten
 from typing import Any
 from urllib.parse import quote
 
+import numpy as np
+
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.facts.verdicts import EXIT_CODES, UNUSABLE
+from rsicalib.fleets.frames import numbers_of
 from rsicalib.fleets.map import map_figure
 from rsicalib.fleets.standing_out import Remark, Spread, remarks, spreads
 from rsicalib.plain_text import counted
@@ -47,6 +50,7 @@ def page(
     mechanism: Mechanism,
     together: Sequence[str] = (),
     at: Path | None = None,
+    shifts: Sequence[Mapping[str, Any]] = (),
 ) -> str:
     """Write the page as one HTML file that needs no network.
 
@@ -62,6 +66,8 @@ def page(
         What the devices have in common, in sentences.
     at : Path, optional
         Folder that the page is for: files of devices are links from there.
+    shifts : sequence of dict
+        How far parameters are from the drawing, and how much they differ, as `first_line` tells.
 
     Returns
     -------
@@ -84,6 +90,7 @@ def page(
         _remarks(out, _found(rows, by, listed), _files(rows, by, listed), at),
         _effects(rows),
         _parameters(spread, rows, by),
+        _differ(shifts),
         f'<p class="faint">rsicalib {escape(_core.__version__)}; every number is in '
         "<code>fleet.parquet</code>.</p>",
     ]
@@ -170,8 +177,8 @@ def _effects(rows: Mapping[str, Sequence[Any]]) -> str:
     """What was traced, by the number of devices: what many share is a matter of the design."""
     found = Counter(
         (step["term"], step["target"])
-        for steps in rows["steps"]
-        for step in json.loads(steps or "[]")
+        for steps, devices in Counter(rows["steps"]).items()
+        for step in json.loads(steps or "[]") * devices
     )
     if not found:
         return ""
@@ -182,12 +189,11 @@ def _effects(rows: Mapping[str, Sequence[Any]]) -> str:
 
 def _fits(rows: Mapping[str, Sequence[Any]]) -> Figure | None:
     """Histogram of the p-values, which is flat where the model lacks nothing."""
-    known = [p for p in rows["p_value"] if p is not None and math.isfinite(p)]
+    known = numbers_of(rows, "p_value")
+    known = known[np.isfinite(known)]
     if len(known) < 2 * BINS:
         return None
-    counts = [0] * BINS
-    for p in known:
-        counts[min(int(p * BINS), BINS - 1)] += 1
+    counts: list[int] = np.histogram(known, BINS, (0.0, 1.0))[0].tolist()
     low, expected = counts[0], len(known) / BINS
 
     def draw(width: float) -> str:
@@ -210,6 +216,23 @@ def _fits(rows: Mapping[str, Sequence[Any]]) -> Figure | None:
     if low > expected + 4.0 * math.sqrt(expected):
         words += " The devices as a whole lack an effect that one device alone may not show."
     return Figure("fits", draw, words)
+
+
+def _differ(shifts: Sequence[Mapping[str, Any]]) -> str:
+    """How much devices differ beside the errors of their estimates."""
+    if not shifts:
+        return ""
+    listed = []
+    for one in shifts:
+        ends = one["between_interval"]
+        between = "less than their errors" if ends is None else " … ".join(map(number, ends))
+        shift = (
+            " ± ".join(plus_minus(one["value"], one["half"])) if one["p_value"] is not None else "–"
+        )
+        listed.append((one["parameter"], shift, number(one["between"]), between))
+    heads = ("parameter", "mean from the drawing", "sd between devices", "95 %")
+    words = "how much devices differ"
+    return section(words.capitalize(), table(heads, listed, 1, words))
 
 
 def _parameters(spread: Sequence[Spread], rows: Mapping[str, Sequence[Any]], by: str) -> str:

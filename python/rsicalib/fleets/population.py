@@ -13,7 +13,9 @@ from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.fleets.dataset import Partition
 from rsicalib.fleets.devices import devices_of
-from rsicalib.fleets.engines import Part, Rows
+from rsicalib.fleets.engines import Part
+from rsicalib.fleets.frames import Rows, numbers_of
+from rsicalib.fleets.store import Parts
 from rsicalib.options import names
 from rsicalib.work.arguments import noise_of_channels
 from rsicalib.work.prior import FORMAT
@@ -65,6 +67,7 @@ class ShareJob:
     terms: Sequence[str]
     options: Mapping[str, Any] = field(default_factory=dict)
     """`closures` and `noise` of `calibrate_devices`."""
+    parts: Parts | None = None
 
     def __call__(self, partition: Partition) -> Rows:
         """Shares of the devices of a partition; a text where one tells nothing."""
@@ -180,22 +183,25 @@ def first_line(rows: Mapping[str, Sequence[Any]], mechanism: Mechanism) -> dict[
     -------
     dict
         `summed`: the tests of fit of all devices together, or None; `shifts`: distance of each
-        parameter from the drawing, in its unit, with the half width of an interval of 95 %.
+        parameter from the drawing, in its unit, with the half width of an interval of 95 %, and the
+        standard deviation between devices with its interval, None where they differ by less than
+        their own errors would make them. Of unknown things the drawing says nothing: their mean is
+        no shift, and has no `p_value`.
     """
-    fits = zip(rows["chi2"], rows["dof"], rows["p_value"], strict=True)
-    known = [fit for fit in fits if None not in fit and np.isfinite(fit).all()]
+    fits = np.column_stack([numbers_of(rows, name) for name in ("chi2", "dof", "p_value")])
     shifts = []
     for name in [n for n in rows if f"{n}_sd" in rows]:
-        drawn = _value_drawn(name, mechanism)
-        pairs = zip(rows[name], rows[f"{name}_sd"], strict=True)
-        off = [(value - drawn, sd) for value, sd in pairs if value is not None and sd is not None]
-        found = _core.common_shift(off)
+        off = numbers_of(rows, name) - _value_drawn(name, mechanism)
+        found = _core.common_shift(np.column_stack([off, numbers_of(rows, f"{name}_sd")]))
         if found is not None:
-            shifts.append({"parameter": name, **found})
-    limit = LEVEL / max(len(shifts), 1)
+            drawn = name.partition("@")[0] not in _core.UNKNOWN_THINGS
+            shifts.append({"parameter": name, **found} | ({} if drawn else {"p_value": None}))
+            if found["between_interval"][1] == 0.0:
+                shifts[-1]["between_interval"] = None
+    tested = [one for one in shifts if one["p_value"] is not None]
     for one in shifts:
-        one["common"] = one["p_value"] < limit
-    return {"summed": _core.summed(known), "shifts": shifts}
+        one["common"] = one in tested and one["p_value"] < LEVEL / len(tested)
+    return {"summed": _core.summed(fits), "shifts": shifts}
 
 
 def _value_drawn(name: str, mechanism: Mechanism) -> float:

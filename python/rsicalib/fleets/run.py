@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from rsicalib import _core
+from rsicalib._core import Mechanism
 from rsicalib.cores import available_cores
 from rsicalib.errors import InputError
-from rsicalib.fleets.dataset import Dataset, Partition
+from rsicalib.fleets.dataset import Dataset, Partition, Piece
 from rsicalib.fleets.devices import digests, without
-from rsicalib.fleets.engines import Job, Part, Rows, Task, over_dask, over_threads
+from rsicalib.fleets.engines import Job, Part, Task, over_dask, over_threads
+from rsicalib.fleets.frames import Rows
 from rsicalib.fleets.page import page
 from rsicalib.fleets.population import first_line, joint, sentences, tolerances_of
 from rsicalib.fleets.store import Store
@@ -111,6 +113,7 @@ def fleet(
     workers: int | None = None,
     dask: str | None = None,
     resume: bool = False,
+    time_limit: float | None = None,
     population: bool = False,
     progress: Progress | None = None,
 ) -> Fleet:
@@ -135,13 +138,16 @@ def fleet(
         Address of a Dask scheduler, whose workers compute instead.
     resume : bool
         Keep the rows in `out` of devices whose readings are the same, also those of a run that
-        was interrupted.
+        was interrupted. Devices that took longer than `time_limit` are calibrated again.
+    time_limit : float, optional
+        Longest time for one device [s], as in `calibrate_devices`.
     population : bool
         Estimate what the devices share, errors of the drawing and their spread, in
         `population.json`: a prior for each of them (`population.parquet`) and for the next
         (`calibrate`, `population`). The mechanism needs the tolerances, `[model] sd`, of all terms.
     progress : callable, optional
-        Called with a word, the devices that are done, and how many are known so far.
+        Called with a word, the devices that are done, and how many there are: as far as that is
+        known, or about.
 
     Returns
     -------
@@ -161,29 +167,34 @@ def fleet(
         "trace": trace,
         "held_out": held_out,
     }
-    job = Job(open_mechanism(mechanism), by, options)
+    job = Job(open_mechanism(mechanism), by, {**options, "time_limit": time_limit})
     tolerances = tolerances_of(job.mechanism, names("terms", terms)) if population else {}
     source = Dataset(Path(dataset), by)
-    store = Store(Path(out), by, _run(job))
+    store = Store(Path(out), by, _run(job.mechanism, by, options))
     known = store.begin(resume)
+    job = replace(job, parts=store.parts)
+    # Where rows are kept, the digest of each device's readings decides, which is told here.
+    pieces = None if store.resumed else source.pieces(PARTITION)
     order: dict[Any, int] = {}
-    kept: list[Any] = []
+    count = sum(piece.devices for piece in pieces or ())
 
     def all_parts() -> Iterator[Part]:
-        # Where rows are kept, the digest of each device's readings decides, which is told here.
-        pieces = None if known else source.pieces(PARTITION)
         return source.partitions(PARTITION) if pieces is None else iter(pieces)
 
     def new() -> Iterator[Part]:
-        for number, partition in enumerate(all_parts()):
-            for label in partition.labels:
-                order.setdefault(label, len(order))
-            part = partition
-            if isinstance(part, Partition):
-                part, same = _unknown(part, known, job)
-                kept.extend(same)
-            if part.labels:
-                yield replace(part, place=f"{store.number + number:09}")
+        nonlocal count
+        for number, part in enumerate(all_parts()):
+            place = f"{store.number + number:09}"
+            if isinstance(part, Piece):
+                yield replace(part, place=place)
+                continue
+            if store.resumed:
+                for label in part.labels:
+                    order.setdefault(label, len(order))
+            unknown = _unknown(part, known, job)
+            count += len(unknown.labels)
+            if unknown.labels:
+                yield replace(unknown, place=place)
 
     def over(task: Task, partitions: Iterator[Part]) -> Iterator[tuple[Part, Rows]]:
         if dask is None:
@@ -193,11 +204,11 @@ def fleet(
     done = 0
     for part, rows in over(job, new()):
         store.keep(part.place, rows)
-        done += len(rows[by])
+        done += len(rows.get(by, ()))
         if progress is not None:
-            progress("devices", done, max(len(order) - len(kept), done))
+            progress("devices", done, max(count, done))
     table = store.finish(order)
-    if not order:
+    if not table or (store.resumed and not order):
         raise InputError.at(str(dataset), found="no device", expected="at least one")
     first, found = first_line(table, job.mechanism), None
     files: tuple[Path, ...] = ()
@@ -206,33 +217,31 @@ def fleet(
         again = lambda task: over(task, iter(all_parts()))  # noqa: E731
         found, devices = joint(job.mechanism, by, tolerances, used, again)
         files = store.write_population(found, devices)
-    html = page(table, by, job.mechanism, sentences(first, found), Path(out))
+    said = sentences(first, found)
+    html = page(table, by, job.mechanism, said, Path(out), first["shifts"])
     return Fleet(table, by, (*store.write_page(html), *files), first, found)
 
 
-def _unknown(
-    partition: Partition, known: Mapping[Any, str], job: Job
-) -> tuple[Partition, list[Any]]:
-    """The devices of a partition that are to be calibrated, and those that are known already."""
+def _unknown(partition: Partition, known: Mapping[Any, str], job: Job) -> Partition:
+    """The devices of a partition that are to be calibrated."""
     if not known or not len(partition.frame[job.by]):
-        return partition, []
+        return partition
     try:
         found = digests(partition.frame, partition.rest, job.mechanism, job.by)
     except InputError:  # a row will say so
-        return partition, []
-    same = [label for label, digest in found.items() if known.get(label) == digest]
-    frame = without(partition.frame, job.by, set(same))
-    return replace(partition, frame=frame), same
+        return partition
+    same = {label for label, digest in found.items() if known.get(label) == digest}
+    return replace(partition, frame=without(partition.frame, job.by, same))
 
 
-def _run(job: Job) -> dict[str, Any]:
+def _run(mechanism: Mechanism, by: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """What the rows of a run depend on, beside the readings."""
-    toml = job.mechanism.to_toml()
+    toml = mechanism.to_toml()
     return {
         "format": "rsicalib.fleet/1",
         "version": _core.__version__,
-        "mechanism": job.mechanism.name,
+        "mechanism": mechanism.name,
         "mechanism_sha256": hashlib.sha256(toml.encode()).hexdigest(),
-        "by": job.by,
-        **job.options,
+        "by": by,
+        **options,
     }

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rsicalib.arrays import FloatArray
+from rsicalib.fleets.frames import numbers_of
 
 __all__ = ["Remark", "Spread", "remarks", "spreads"]
 
@@ -73,7 +74,7 @@ class Spread:
         where unknown; the second its standard deviation over `within`. Shape (n,). They are not
         kept: a fleet may have a million devices.
         """
-        value, sd = _numbers(rows[self.name]), _numbers(rows[f"{self.name}_sd"])
+        value, sd = numbers_of(rows, self.name), numbers_of(rows, f"{self.name}_sd")
         scale = np.fmax(np.fmax(self.between, sd), np.finfo(np.float64).tiny)
         return (value - self.median) / scale, sd / self.within
 
@@ -83,7 +84,7 @@ def spreads(rows: Mapping[str, Sequence[Any]]) -> list[Spread]:
     usable = np.array([verdict in FINE for verdict in rows["verdict"]], dtype=np.bool_)
     out = []
     for name in [n for n in rows if f"{n}_sd" in rows]:
-        value, sd = _numbers(rows[name]), _numbers(rows[f"{name}_sd"])
+        value, sd = numbers_of(rows, name), numbers_of(rows, f"{name}_sd")
         known = usable & np.isfinite(value)
         if known.sum() < FEWEST:
             continue
@@ -111,12 +112,13 @@ def limit(tests: int) -> float:
 
 
 def _by_verdict(rows: Mapping[str, Sequence[Any]], by: str) -> Iterator[Remark]:
-    labels, chi2, dof, messages = (rows[name] for name in (by, "chi2", "dof", "message"))
+    labels, messages = rows[by], rows["message"]
+    chi2, dof = numbers_of(rows, "chi2"), numbers_of(rows, "dof")
     for i, verdict in enumerate(rows["verdict"]):
         if verdict in ("adequate", "unjudged"):
             continue
-        size = chi2[i] / dof[i] if chi2[i] is not None and dof[i] else 0.0
-        yield Remark(labels[i], float(size), verdict or "refused", messages[i] or "")
+        size = float(chi2[i] / dof[i]) if dof[i] > 0.0 else 0.0
+        yield Remark(labels[i], np.nan_to_num(size), verdict or "refused", messages[i] or "")
 
 
 def _by_parameter(
@@ -127,7 +129,7 @@ def _by_parameter(
     for one in spread:
         far, weak = one.distances(rows)
         odd = np.flatnonzero((np.abs(far) > most) | (weak > WEAK)).tolist()
-        values = rows[one.name] if odd else []
+        values = numbers_of(rows, one.name)
         for i in odd:
             # Of an undetermined device its verdict says so, once for all of its parameters.
             if verdicts[i] is None or (verdicts[i] == UNDETERMINED and abs(far[i]) <= most):
@@ -140,7 +142,3 @@ def _by_parameter(
             else:
                 why = f"{one.name} is known {weak[i]:.1f} times worse than usual"
             yield Remark(labels[i], float(abs(far[i])), verdicts[i], why, one.name)
-
-
-def _numbers(cells: Sequence[Any]) -> FloatArray:
-    return np.array([np.nan if c is None else c for c in cells], dtype=np.float64)

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import to_json
 from rsicalib.fleets.dataset import pyarrow_modules
-from rsicalib.fleets.engines import Rows
-from rsicalib.fleets.frames import TEXT
+from rsicalib.fleets.frames import TEXT, Rows
 from rsicalib.io.files import write_text
 from rsicalib.io.sources import read_json
 
-__all__ = ["OnDisk", "Store"]
+__all__ = ["OnDisk", "Parts", "Store"]
 
 GROUP = 10_000
 """Rows of a row group of `fleet.parquet`."""
@@ -40,9 +44,23 @@ class OnDisk(Mapping[str, list[Any]]):
     def __getitem__(self, name: str) -> list[Any]:
         if name not in self._names:
             raise KeyError(name)
-        cells = self._parquet.ParquetFile(self._path).read(columns=[name]).column(0)
-        found: list[Any] = cells.to_pylist()
+        if name not in TEXT:
+            found: list[Any] = self._read(name).to_pylist()
+            return found
+        # Many rows have the same text, which is one object then.
+        texts: list[Any] = []
+        for part in self._read(name).dictionary_encode().chunks:
+            words = [*part.dictionary.to_pylist(), None]
+            texts += [words[-1 if k is None else k] for k in part.indices.to_pylist()]
+        return texts
+
+    def numbers(self, name: str) -> FloatArray:
+        """A column of numbers, NaN where there is none."""
+        found: FloatArray = self._read(name).to_numpy().astype(np.float64)
         return found
+
+    def _read(self, name: str) -> Any:
+        return self._parquet.ParquetFile(self._path).read(columns=[name]).column(0)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)
@@ -52,6 +70,52 @@ class OnDisk(Mapping[str, list[Any]]):
 
     def __contains__(self, name: object) -> bool:
         return name in self._names
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The folder in which rows wait for the end of a run; travels to the workers."""
+
+    folder: Path
+    by: str
+    mark: str
+    """A file of this run in it: whoever sees the file sees the folder of the client."""
+
+    def keep(self, place: str, rows: Rows) -> Rows:
+        """Write rows of a partition, by its place in the dataset; what is left to be written.
+
+        That is all of them where this is not the client's disk, else the labels, to be counted.
+        """
+        if not rows or not (self.folder / self.mark).exists():
+            return rows
+        write_rows(self.folder / f"{place}.parquet", rows, self.by)
+        return {self.by: rows[self.by]}
+
+    def lacks(self, rows: Rows) -> bool:
+        """Whether rows that came back are still to be written."""
+        return bool(rows.keys() - {self.by})
+
+
+def write_rows(path: Path, rows: Rows, by: str) -> None:
+    """Write results as a Parquet file that takes its place when it is whole."""
+    arrow, parquet = pyarrow_modules(str(path))
+    kinds = {name: arrow.string() if name in TEXT else arrow.float64() for name in rows}
+    kinds[by] = None
+    columns = {n: arrow.array(cells, kinds[n], from_pandas=True) for n, cells in rows.items()}
+    _whole(path, lambda part: parquet.write_table(arrow.table(columns), part))
+
+
+def _whole(path: Path, write: Callable[[Path], None]) -> None:
+    """Write a file that takes its place when it is whole, whoever else writes the same."""
+    part = path.with_suffix(f".{secrets.token_hex(4)}.part")
+    try:
+        write(part)
+        part.replace(path)
+    except OSError as error:
+        found = f"'{path}', where one cannot write ({error.strerror})"
+        raise InputError(f"--out: found {found}, expected a place for a file") from None
+    finally:
+        part.unlink(missing_ok=True)
 
 
 class Store:
@@ -72,7 +136,8 @@ class Store:
 
     def __init__(self, folder: Path, by: str, run: Mapping[str, Any]) -> None:
         self.folder, self.by, self.run = folder, by, dict(run)
-        self.parts = folder / "parts"
+        inside = Path(os.path.abspath(folder)) / "parts"
+        self.parts = Parts(inside, by, f"{secrets.token_hex(8)}.run")
         self.table = folder / "fleet.parquet"
         self.arrow, self.parquet = pyarrow_modules(str(self.table))
         self.number = 0
@@ -82,7 +147,7 @@ class Store:
         """Open the folder; the digest of each device whose row is kept."""
         earlier = self._earlier()
         try:
-            old = sorted(self.parts.glob("*.parquet"))
+            old = sorted(self.parts.folder.glob("*.parquet"))
         except (OSError, ValueError) as error:
             raise self._no_folder(error) from None
         if not resume and earlier is None and os.path.exists(self.table):
@@ -98,7 +163,8 @@ class Store:
                     expected = f"the same as now, {json.dumps(self.run.get(key))}"
                     raise InputError(f"--resume: found {found}, expected {expected}")
         try:
-            self.parts.mkdir(parents=True, exist_ok=True)
+            self.parts.folder.mkdir(parents=True, exist_ok=True)
+            (self.parts.folder / self.parts.mark).touch()
         except (OSError, ValueError) as error:
             raise self._no_folder(error) from None
         if not resume:
@@ -130,49 +196,24 @@ class Store:
             return None
 
     def keep(self, place: str, rows: Rows) -> None:
-        """Write the rows of a partition, by its place in the dataset."""
-        self._write(rows, self.parts / f"{place}.parquet")
-
-    def _write(self, rows: Rows, path: Path) -> None:
-        names = list(rows)
-        types = [self._type(name) for name in names]
-        arrays = [
-            self.arrow.array(rows[name], kind, from_pandas=True)
-            for name, kind in zip(names, types, strict=True)
-        ]
-        table = self.arrow.table(arrays, names=names)
-        self._whole(path, lambda part: self.parquet.write_table(table, part))
-
-    def _whole(self, path: Path, write: Callable[[Path], None]) -> None:
-        """Write a file that takes its place when it is whole."""
-        part = path.with_suffix(".part")
-        try:
-            write(part)
-            part.replace(path)
-        except OSError as error:
-            found = f"'{path}', where one cannot write ({error.strerror})"
-            raise InputError(f"--out: found {found}, expected a place for a file") from None
-        finally:
-            part.unlink(missing_ok=True)
-
-    def _type(self, name: str) -> Any:
-        if name == self.by:
-            return None
-        return self.arrow.string() if name in TEXT else self.arrow.float64()
+        """Write the rows of a partition, by its place in the dataset, where no worker has."""
+        if self.parts.lacks(rows):
+            write_rows(self.parts.folder / f"{place}.parquet", rows, self.by)
 
     def finish(self, order: Mapping[Any, int]) -> OnDisk:
         """All rows of devices that are in the dataset, in its order, as the one file.
 
-        Parts of one run stand in the order of the dataset, and are copied one after the other.
+        Parts of one run stand in the order of the dataset, and are copied one after the other;
+        those of a resumed one are put into the `order` of its devices.
         """
-        parts = sorted(self.parts.glob("*.parquet"))
-        if self.table.exists() or self.resumed:
-            self._write(self._merged([self.table, *parts], order), self.table)
+        parts = sorted(self.parts.folder.glob("*.parquet"))
+        if self.resumed:
+            write_rows(self.table, self._merged([self.table, *parts], order), self.by)
         elif parts:
-            self._whole(self.table, lambda part: self._copied(parts, part))
-        for path in self.parts.glob("*"):
+            _whole(self.table, lambda part: self._copied(parts, part))
+        for path in self.parts.folder.glob("*"):
             path.unlink()
-        self.parts.rmdir()
+        self.parts.folder.rmdir()
         return OnDisk(self.table, self.parquet)
 
     def _merged(self, files: Sequence[Path], order: Mapping[Any, int]) -> Rows:
@@ -207,7 +248,7 @@ class Store:
     def write_population(self, found: Mapping[str, Any], devices: Rows) -> tuple[Path, ...]:
         """Write what the devices share, and a row for each with it."""
         place = self.folder / "population.parquet"
-        self._write(devices, place)
+        write_rows(place, devices, self.by)
         return (write_text(self.folder / "population.json", to_json(found)), place)
 
     def write_page(self, html: str) -> tuple[Path, ...]:

@@ -540,6 +540,7 @@ fn conclude(
         priors,
         noise,
         gram,
+        scale,
         conventions,
         stays,
         covariance,

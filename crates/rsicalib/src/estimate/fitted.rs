@@ -36,6 +36,9 @@ pub struct Fit {
     pub noise: NoiseEstimate,
     /// `Xᵀ S⁻¹ X` and priors, in units of the estimated noise.
     pub gram: Mat<f64>,
+    /// The estimated noise over the one that the fit was made with: `gram` is in units of the former,
+    /// the part of the priors in it, too.
+    pub(crate) scale: f64,
     /// What no reading could show: taken out of `gram`.
     pub(crate) conventions: Conventions,
     /// What stays while a search tries what may be added.

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::monitor::state::{State, axpy, dot};
+use crate::monitor::state::{State, dot, product};
 use crate::monitor::windows::Sums;
 
 /// Largest number of columns of a candidate, or of all suspects of a change together.
@@ -58,11 +58,7 @@ impl Score {
             for ((d, now), onset) in self.sums[..m].iter_mut().zip(rows.0).zip(rows.1) {
                 *d = now - onset;
             }
-            let absorbed = &mut self.absorbed[i * m..(i + 1) * m];
-            absorbed.fill(0.0);
-            for (d, row) in self.sums[..m].iter().zip(state.covariance.chunks_exact(m.max(1))) {
-                axpy(*d, row, absorbed);
-            }
+            product(&self.sums[..m], &state.covariance, &mut self.absorbed[i * m..(i + 1) * m]);
             self.score[i] =
                 now.scores[z] - onset.scores[z] - dot(&self.sums[..m], &state.mean[..m]);
             self.raw[i] = rows.0[z] - rows.1[z];

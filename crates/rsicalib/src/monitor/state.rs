@@ -64,10 +64,7 @@ impl State {
     pub(crate) fn compare(&mut self, r: &[f64], g: &[f64], width: usize) -> f64 {
         let (m, k) = (self.size, r.len());
         for (row, gain) in g.chunks_exact(width).zip(self.gains.chunks_exact_mut(m.max(1))) {
-            gain.fill(0.0);
-            for (value, column) in row[..m].iter().zip(self.covariance.chunks_exact(m.max(1))) {
-                axpy(*value, column, gain);
-            }
+            product(&row[..m], &self.covariance, gain);
         }
         let mut squared = 0.0;
         for i in 0..k {
@@ -113,6 +110,26 @@ pub(crate) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
     }
 }
 
+/// `y = Σ xₖ rowₖ` of a matrix row by row, in blocks of columns whose sums stay in registers. The order
+/// of each sum is that of the rows; the last block begins within the one before.
+#[inline(always)]
+pub(crate) fn product(x: &[f64], rows: &[f64], y: &mut [f64]) {
+    const BLOCK: usize = 8;
+    let m = y.len();
+    if m < BLOCK {
+        y.fill(0.0);
+        x.iter().zip(rows.chunks_exact(m.max(1))).for_each(|(x, row)| axpy(*x, row, y));
+        return;
+    }
+    for begin in (0..m).step_by(BLOCK).map(|begin| begin.min(m - BLOCK)) {
+        let mut sums = [0.0; BLOCK];
+        for (x, row) in x.iter().zip(rows.chunks_exact(m)) {
+            axpy(*x, &row[begin..begin + BLOCK], &mut sums);
+        }
+        y[begin..begin + BLOCK].copy_from_slice(&sums);
+    }
+}
+
 /// `xᵀ y`, in four running sums that the compiler keeps in one vector.
 #[inline(always)]
 pub(crate) fn dot(x: &[f64], y: &[f64]) -> f64 {
@@ -127,4 +144,25 @@ pub(crate) fn dot(x: &[f64], y: &[f64]) -> f64 {
         }
     }
     sums[0] + sums[1] + sums[2] + sums[3] + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::product;
+
+    #[test]
+    fn a_product_in_blocks_is_the_sum_of_the_rows() {
+        for m in 0..30_u32 {
+            // Whole numbers: exact in any order.
+            let x: Vec<f64> = (0..m).map(|k| f64::from(k * 7 % 5) - 2.0).collect();
+            let rows: Vec<f64> = (0..m * m).map(|k| f64::from(k * k % 11) - 5.0).collect();
+            let mut y = vec![f64::NAN; m as usize];
+            product(&x, &rows, &mut y);
+            for (column, found) in y.iter().enumerate() {
+                let row = |k: usize| rows[k * m as usize + column];
+                let sum: f64 = x.iter().enumerate().map(|(k, x)| x * row(k)).sum();
+                assert_eq!(*found, sum, "{m} {column}");
+            }
+        }
+    }
 }

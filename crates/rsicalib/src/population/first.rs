@@ -1,6 +1,8 @@
 //! What the rows of a fleet tell without a joint estimate: the summed χ² and common shifts.
 
-use crate::numerics::distributions::{f_tail, normal_cdf, normal_quantile, student_quantile};
+use crate::numerics::distributions::{
+    chi2_quantile, f_tail, normal_cdf, normal_quantile, student_quantile,
+};
 
 /// Common error of the noise of a fleet, in parts, that a sum of χ² must not take for an effect.
 const NOISE: f64 = 0.01;
@@ -53,6 +55,8 @@ pub struct Shift {
     pub half: f64,
     /// Standard deviation between devices, beside the noise of their estimates.
     pub between: f64,
+    /// Interval of 95 % of that.
+    pub between_interval: [f64; 2],
     /// Probability of as much where the drawing is right.
     pub p_value: f64,
 }
@@ -62,7 +66,8 @@ pub struct Shift {
 /// Devices differ by `τ²` beside the noise of their estimates (Paule and Mandel 1982: the `τ²`
 /// with which the weighted squares are as many as the devices less one). With the weights
 /// `w = 1/(sd² + τ²)` the variance of the mean is `Σ w (x - m)² / ((D-1) Σ w)`, and the bound is Student's
-/// (Hartung and Knapp 2001): it holds where standard deviations are wrong by a common factor.
+/// (Hartung and Knapp 2001): it holds where standard deviations are wrong by a common factor. At the true
+/// `τ²` the weighted squares are χ² of `D-1`, which bounds `τ²` (Viechtbauer 2007).
 #[must_use]
 pub fn common_shift(devices: &[(f64, f64)]) -> Option<Shift> {
     let known = |d: &&(f64, f64)| d.0.is_finite() && d.1.is_finite() && d.1 > 0.0;
@@ -75,26 +80,42 @@ pub fn common_shift(devices: &[(f64, f64)]) -> Option<Shift> {
         let weights = all.iter().map(|d| (d.1 * d.1 + tau2).recip());
         let sum: f64 = weights.clone().sum();
         let mean = weights.clone().zip(&all).map(|(w, d)| w * d.0).sum::<f64>() / sum;
-        let q: f64 = weights.zip(&all).map(|(w, d)| w * (d.0 - mean).powi(2)).sum();
-        (mean, sum, q)
+        let squares = all.iter().map(|d| (d.0 - mean).powi(2));
+        let q: f64 = weights.clone().zip(squares.clone()).map(|(w, s)| w * s).sum();
+        let slope: f64 = weights.zip(squares).map(|(w, s)| w * w * s).sum();
+        (mean, sum, q, slope)
     };
-    let (mut low, mut high) = (0.0, 0.0);
-    if at(0.0).2 > dof {
-        let mean = all.iter().map(|d| d.0).sum::<f64>() / all.len() as f64;
-        // With all of the spread between devices the weighted squares are too few.
-        high = 2.0 * all.iter().map(|d| (d.0 - mean).powi(2)).sum::<f64>() / dof;
+    let mean = all.iter().map(|d| d.0).sum::<f64>() / all.len() as f64;
+    let spread: f64 = all.iter().map(|d| (d.0 - mean).powi(2)).sum();
+    // The weighted squares `Q` fall with τ²: where they are `target`, or zero. Newton's steps for
+    // `1/Q`, which is nearly straight, within what is known.
+    let tau2 = |target: f64| {
+        let (mut low, mut high, mut tau2) = (0.0, spread / target, 0.0);
         for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if at(middle).2 > dof { low = middle } else { high = middle }
+            let (_, _, q, slope) = at(tau2);
+            if q > target {
+                low = tau2
+            } else {
+                high = tau2
+            }
+            let next = tau2 + q * (q - target) / (target * slope);
+            let next = if next > low && next < high { next } else { 0.5 * (low + high) };
+            if high <= low || (next - tau2).abs() <= 1e-12 * next {
+                break;
+            }
+            tau2 = next;
         }
-    }
-    let (value, sum, q) = at(high);
+        tau2
+    };
+    let between = tau2(dof);
+    let (value, sum, q, _) = at(between);
     let variance = q.max(f64::MIN_POSITIVE) / (dof * sum);
     Some(Shift {
         devices: all.len(),
         value,
         half: student_quantile(0.975, dof) * variance.sqrt(),
-        between: high.sqrt(),
+        between: between.sqrt(),
+        between_interval: [0.025, 0.975].map(|p| tau2(chi2_quantile(p, dof)).sqrt()),
         p_value: f_tail(value * value / variance, 1.0, dof),
     })
 }

@@ -75,8 +75,10 @@ fn without_priors(fit: &Fit) -> (Vec<f64>, Vec<f64>) {
         if let Prior::Parameter { column, mean, sd } = *prior
             && column < m
         {
-            gram[(column, column)] -= sd.powi(-2);
-            told[column] -= mean * sd.powi(-2);
+            // As the Gram matrix has it. A prior that holds tightly leaves little beside it.
+            let precision = (sd * fit.scale).powi(-2);
+            gram[(column, column)] -= precision;
+            told[column] -= mean * precision;
         }
     }
     let by = widening(&fit.noise, fit.p_value, fit.chi2 / fit.dof).recip();

@@ -6,6 +6,7 @@ use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::verdict::Verdict;
 use crate::estimate::Observations;
 use crate::estimate::directions::ParameterReport;
+use crate::estimate::progress::{Job, Progress};
 use crate::report::calibrated;
 use crate::report::result::{ExcludedReport, FitReport};
 use crate::report::traced::{self, StepReport};
@@ -25,6 +26,8 @@ pub struct DeviceReport {
     pub parameters: Vec<ParameterReport>,
     /// Effects that were found missing.
     pub steps: Vec<StepReport>,
+    /// The listener ended the trace: the calibration stands.
+    pub ended: bool,
 }
 
 /// What to compute beside the calibration of a device.
@@ -39,22 +42,30 @@ pub struct DeviceOptions {
 /// Calibrates one device of many.
 ///
 /// The numbers are those of [`calibrated::report`], and of [`traced::report`] where the
-/// calibration leaves a significant residual and [`DeviceOptions::trace`] asks for it.
+/// calibration leaves a significant residual and [`DeviceOptions::trace`] asks for it. Where the
+/// listener of the progress ends the trace, they are those of the calibration.
 ///
 /// # Errors
 ///
-/// As [`calibrate`].
+/// As [`calibrate`]; [`Error::Ended`] where the listener ended the calibration.
 pub fn report(observations: &Observations, options: &DeviceOptions) -> Result<DeviceReport, Error> {
+    let progress = &observations.options.progress;
+    progress.begin(Job::Calibrate);
     let calibrated = calibrate(observations)?;
     let held_out = match options.held_out {
         true => calibrated::error_held_out(&calibrated)?,
         false => None,
     };
     let found = calibrated::of(observations, &calibrated, held_out, None)?;
+    progress.goes_on()?;
+    let mut ended = false;
     if found.verdict == Verdict::Unexplained
         && let Some(search) = &options.trace
     {
-        return traced(observations, search);
+        match traced(observations, search, progress) {
+            Err(Error::Ended) => ended = true,
+            traced => return traced,
+        }
     }
     let message = message(&[
         &found.estimates.unobservable,
@@ -69,11 +80,17 @@ pub fn report(observations: &Observations, options: &DeviceOptions) -> Result<De
         fit: found.fit,
         parameters,
         steps: Vec::new(),
+        ended,
     })
 }
 
-fn traced(observations: &Observations, search: &SearchOptions) -> Result<DeviceReport, Error> {
+fn traced(
+    observations: &Observations,
+    search: &SearchOptions,
+    progress: &Progress,
+) -> Result<DeviceReport, Error> {
     let found = traced::report(observations, search, None)?;
+    progress.goes_on()?;
     let left = match found.verdict {
         Verdict::Explained | Verdict::Adequate => Vec::new(),
         _ => vec![found.unexplained.text],
@@ -93,7 +110,7 @@ fn traced(observations: &Observations, search: &SearchOptions) -> Result<DeviceR
     };
     let parameters = found.estimates.parameters.iter().filter(|p| !of_step(p)).cloned().collect();
     let (verdict, fit, steps) = (found.verdict, found.after, found.steps);
-    Ok(DeviceReport { verdict, message, fit, parameters, steps })
+    Ok(DeviceReport { verdict, message, fit, parameters, steps, ended: false })
 }
 
 fn texts(warnings: &[Warned]) -> Vec<String> {
