@@ -572,10 +572,12 @@ def open_loops(
     edited: Any = None,
     scale: Any = 1.0,
     dof: Any = None,
+    correlation: Any = 0.0,
 ) -> Any:
     """Whether the loops of a table of readings are open under a result, beside the misclosure `own` of its own
-    session: misclosure, that of the session, the probability of more by chance, and the same in words; none
-    where they close, or where no row of the table tells that.
+    session: misclosure, that of the session, the probability by chance, and the same in words; none
+    where they close, or where no row of the table tells that. Loops that close better than the noise of the result
+    lets them are told where nothing else says that the noise is as it was written.
 
     `edited`: whether the result's numbers were edited, where that is known.
     """
