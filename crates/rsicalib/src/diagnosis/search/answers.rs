@@ -148,10 +148,12 @@ impl Beam<'_, '_> {
         let of_targets = instead.iter().map(|(account, s)| (-account.price, s.instance.target));
         let blame = Blame::among(of_targets, &self.averaged.small.mechanism);
         // What poses cannot tell rests on no opinion of which kind is more common: with ours, or with none.
+        // A free shape is no kind beside others: it holds the laws of its sensor.
         let alike = |account: &Account, s: &Scored| account.price + 2.0 * prior(s.family).ln();
         let limits = [best.price, alike(best, item)].map(|price| price + AS_WELL);
         let as_well = |(account, s): &(&Account, &Scored)| {
-            account.price < limits[0] || alike(account, s) < limits[1]
+            let kind = s.family != Family::Free;
+            account.price < limits[0] || (kind && alike(account, s) < limits[1])
         };
         let mut near: Vec<(&Account, Instance)> = instead
             .iter()
