@@ -26,6 +26,7 @@ use crate::diagnosis::verdict::Determined;
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::directions::directions;
 use crate::estimate::progress::Stage;
+use crate::estimate::suspicion::Suspicion;
 use crate::estimate::{Fit, Observations, fit, with_groups};
 use crate::model::{Instance, Model};
 use crate::screening::converter;
@@ -152,6 +153,14 @@ enum Scope {
     Nothing,
 }
 
+/// True where the readings are not of this mechanism as it is declared, and are with a mistake of the wiring
+/// or of a unit undone: that is said, and the search, which would take its longest, has nothing to add.
+fn is_miswired(observations: &Observations, fit: &Fit) -> bool {
+    let undone = |it: &Suspicion| it.of_wiring() && !matches!(it, Suspicion::NoStart { .. });
+    let told = fit.warnings.iter().any(undone);
+    told && !absurdities(observations, fit, &[]).is_empty()
+}
+
 /// The search and what comes of it; and whether its fit was absurd before it began.
 fn explain(
     observations: &Observations,
@@ -161,6 +170,7 @@ fn explain(
     let all = observations;
     let base = all.instances()?;
     let before = fit(all, base.clone(), None)?;
+    let wanted = if is_miswired(all, &before) { Scope::Nothing } else { wanted };
     let progress = &all.options.progress;
     progress.enter(Stage::Screening);
     let mut observations = all.clone();
