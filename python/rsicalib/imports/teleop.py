@@ -177,7 +177,10 @@ class Teleop:
         if not rows:
             return []
         time = "" if self.rate is None else f" ({rows / self.rate:.2g} s)"
-        return [f"the follower is {rows} rows{time} behind the leader"]
+        return [
+            f"the follower is {rows} rows{time} behind the leader: --hold 0.5 takes the stretches "
+            "in which both are still, and there it has caught up"
+        ]
 
     def _mechanism(self, unit: str, steps: Mapping[str, int]) -> str:
         """Mechanism file: joint by joint the follower is where the leader is."""

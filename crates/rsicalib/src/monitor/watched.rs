@@ -281,16 +281,18 @@ fn names(mechanism: &Mechanism, info: &Info, target: Target) -> Vec<(&'static st
 
 /// Refuses mechanisms whose loops are not closed in every sample.
 fn refuse(mechanism: &Mechanism) -> Result<(), Error> {
-    let needs = if mechanism.closures.is_empty() {
-        "closure"
+    const WHY: &str = "the watch tests that the same loops close in every sample";
+    let (needs, why) = if mechanism.closures.is_empty() {
+        ("closure", WHY)
     } else if !mechanism.key_columns().is_empty() {
-        "closure without unknown points"
+        let known = "the watch tests that the same loops close in every sample: write what the calibration found as `at` \
+                     of the point, or as the plane, in place of `unknown`";
+        ("closure without unknown points", known)
     } else if !mechanism.value_columns().is_empty() {
-        "closure of a constant value"
+        ("closure of a constant value", WHY)
     } else {
         return Ok(());
     };
-    let why = "the watch tests that the same loops close in every sample";
     Err(Error::Missing { mechanism: mechanism.name.clone(), needs, why })
 }
 
