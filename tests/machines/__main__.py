@@ -19,10 +19,7 @@ from pathlib import Path
 from time import perf_counter
 
 from tests.families.tables import cell
-from tests.machines.trials import MACHINES, SUITES, Record, run
-
-Asked = tuple[str, str, int, int]
-"""Machine, suite, number, seed."""
+from tests.machines.trials import MACHINES, SUITES, Asked, Record, work
 
 
 def key(record: Record) -> Asked:
@@ -78,12 +75,6 @@ def figures(own: Sequence[Record]) -> Iterator[tuple[str, str]]:
             yield word, cell([word in r for r in own])
     verdicts = Counter(r.get("verdict", "none") for r in own).most_common()
     yield "verdicts", ", ".join(f"{name} {count}" for name, count in verdicts)
-
-
-def work(asked: Asked, files: Path | None = None) -> Record:
-    """One trial."""
-    name, suite, number, seed = asked
-    return run(name, suite, number, seed, files and files / f"{name}_{suite}_{seed}_{number}")
 
 
 def wrong(record: Record) -> bool:

@@ -135,3 +135,13 @@ def coverage(machine: Machine, answer: dict[str, Any]) -> list[int]:
         abs(p["value"] - value) < WITHIN * p["sd"] for p, value in known if p["sd"] is not None
     ]
     return [sum(inside), len(inside)]
+
+
+Asked = tuple[str, str, int, int]
+"""Machine, suite, number, seed."""
+
+
+def work(asked: Asked, kept: Path | None = None) -> Record:
+    """One trial, for other processes too: they do not import what a command is."""
+    name, suite, number, seed = asked
+    return run(name, suite, number, seed, kept and kept / f"{name}_{suite}_{seed}_{number}")
