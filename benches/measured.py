@@ -18,8 +18,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+if __name__ == "__main__":
+    sys.path[0] = str(Path(__file__).parent.parent)  # not benches: a file there may hide a module
+
 import rsicalib
 from rsicalib.io.files import write_text
+from tests.drawings import as_typical
 
 HERE = Path(__file__).parents[1]
 MM = 1e3
@@ -158,17 +162,6 @@ def short(shop: Workshop, case: Case) -> str:
     robot = case.robot + (f" without {', '.join(case.dropped)}" if case.dropped else "")
     figures = ["–" if v is None else f"{v * MM:.3f}" for v in others]
     return f"| {' | '.join([robot, ', '.join(fitted), *figures])} |"
-
-
-def as_typical(mechanism: rsicalib.Mechanism) -> dict[str, Any]:
-    """A population of which nothing is known: errors of the drawing have their typical sizes."""
-    return {
-        "format": "rsicalib.population/1",
-        "mechanism": mechanism.name,
-        "centre": [0.0] * len(mechanism.channels),
-        "terms": mechanism.to_dict()["model"]["terms"],
-        "parameters": [],
-    }
 
 
 def trace(shop: Workshop, row: Row, readings: rsicalib.Readings) -> None:

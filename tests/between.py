@@ -32,11 +32,18 @@ SIZES = np.array([0.05] * 4 + [0.05 * 425.0] * 3)
 TERMS = '["offset@q2", "offset@q3", "offset@q4", "offset@q5", "point_position"]'
 
 
-def moving(q: Array, ball: Array = BALL) -> tuple[Array, Array]:
-    """Places of the ball for joint angles, shape (m, 6), and their derivatives: axis × lever."""
+def moving(
+    q: Array, ball: Array = BALL, before: Sequence[Array] | None = None
+) -> tuple[Array, Array]:
+    """Places of the ball for joint angles, shape (m, 6), and their derivatives: axis × lever.
+
+    `before` each joint stands a frame, (4, 4): where its drawing is wrong.
+    """
     frames = np.broadcast_to(np.eye(4), (len(q), 4, 4))
     axes, origins = [], []
-    for angle, (d, a, alpha) in zip(q.T, cone.ROWS, strict=True):
+    each = before or [np.eye(4)] * len(cone.ROWS)
+    for angle, own, (d, a, alpha) in zip(q.T, each, cone.ROWS, strict=True):
+        frames = frames @ own
         axes.append(frames[:, :3, 2])
         origins.append(frames[:, :3, 3])
         c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(alpha), np.sin(alpha)

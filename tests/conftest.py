@@ -17,6 +17,20 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 collect_ignore = [] if find_spec("mujoco") else ["drive/body.py", "drive/robot.py"]
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """What a rule of the search is worth: `pytest --off RULE`, as `python -m tests.ablation`."""
+    parser.addoption("--off", action="append", default=[], help="switch a rule of the search off")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Switch rules off, in this process; commands that tests start have them all."""
+    off = config.getoption("off")
+    if off:
+        from tests.ablation import switch_off
+
+        switch_off(off)
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Tests of one file run in one process, so that what they share is computed once."""

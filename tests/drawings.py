@@ -20,7 +20,7 @@ import numpy as np
 
 import rsicalib
 from rsicalib.poses.places import places, readings_for
-from tests import cone
+from tests import between, cone
 from tests.oracle import Array
 
 POSES = 80
@@ -60,23 +60,7 @@ class Arm:
 
     def moving(self, read: Array) -> tuple[Array, Array]:
         """Places of the ball for readings, shape (m, 6), and their derivatives: axis × lever."""
-        frames = np.broadcast_to(np.eye(4), (len(read), 4, 4))
-        axes, origins = [], []
-        for angle, error, (d, a, alpha) in zip(
-            (read + self.offsets).T, self.frames, cone.ROWS, strict=True
-        ):
-            frames = frames @ off(error)
-            axes.append(frames[:, :3, 2])
-            origins.append(frames[:, :3, 3])
-            c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(alpha), np.sin(alpha)
-            row = np.zeros((len(read), 4, 4))
-            row[:, 0] = np.stack([c, -s * ca, s * sa, a * c], axis=1)
-            row[:, 1] = np.stack([s, c * ca, -c * sa, a * s], axis=1)
-            row[:, 2], row[:, 3] = [0, sa, ca, d], [0, 0, 0, 1]
-            frames = frames @ row
-        at = (frames @ np.append(self.ball, 1.0))[:, :3]
-        turns = [np.cross(z, at - o) for z, o in zip(axes, origins, strict=True)]
-        return at, np.stack(turns, axis=2)
+        return between.moving(read + self.offsets, self.ball, [off(e) for e in self.frames])
 
     def placement(self, rng: np.random.Generator) -> Array:
         """Readings with the ball in the two sockets of a plate in turn."""

@@ -290,11 +290,13 @@ impl Loops {
     /// Probability that one of the equations closes as well as the best of them beside its noise, which is
     /// known by so many degrees of freedom, where this share of the samples is independent.
     ///
-    /// Closures that sit with play are left out: their samples are one draw.
+    /// Closures that sit with play are left out, since their samples are one draw, and those that no row
+    /// touches.
     fn p_quieter(&self, scale: f64, independent: f64, dof: Option<f64>) -> f64 {
-        let own = (0..self.sums.len()).filter(|e| !self.shared[*e]);
+        let counted = |e: usize| self.rows[e] as f64 * independent;
+        let own = (0..self.sums.len()).filter(|e| !self.shared[*e] && counted(*e) > 0.0);
         let chance = |e: usize| {
-            let ([square, variance], count) = (self.sums[e], self.rows[e] as f64 * independent);
+            let ([square, variance], count) = (self.sums[e], counted(e));
             1.0 - f_tail(square / (variance * scale), count, dof.unwrap_or(f64::INFINITY))
         };
         let tests = own.clone().count().max(1) as f64;
@@ -366,4 +368,19 @@ fn root(covariance: &DMatrix<f64>) -> DMatrix<f64> {
         units[(row, column)] = scale(row) * own.eigenvectors[(i, k)] * own.eigenvalues[k].sqrt();
     }
     units
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Loops;
+
+    #[test]
+    fn a_closure_that_no_row_touches_is_not_quiet() {
+        // The table of χ²: of 10 degrees of freedom 1 in 100 is below 2.558.
+        let sums = vec![[2.558, 10.0], [0.0, 0.0]];
+        let loops = |shared| Loops { sums: sums.clone(), rows: vec![10, 0], shared };
+        let chance = |shared| loops(shared).p_quieter(1.0, 1.0, None);
+        assert!((chance(vec![false, false]) - 0.01).abs() < 1e-5);
+        assert_eq!(chance(vec![true, false]), 1.0);
+    }
 }

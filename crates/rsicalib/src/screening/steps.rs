@@ -46,13 +46,18 @@ impl StepSums {
         }
     }
 
+    /// `u` and `S` of (154): what the fit leaves of `Zᵀr` and of `ZᵀZ`.
+    fn beside(&self, pull: &[f64]) -> (Vec<f64>, Mat<f64>) {
+        let u = self.zr.iter().enumerate();
+        let u = u.map(|(i, zr)| zr - dot(self.qz.col_as_slice(i), pull)).collect();
+        (u, &self.zz - self.qz.transpose() * &self.qz)
+    }
+
     /// The score of a move here, in the directions that the rows tell; `pull` is `p` of the fit.
     #[must_use]
     pub fn score(&self, pull: &[f64]) -> Option<StepScore> {
         let columns = self.zr.len();
-        let u: Vec<f64> =
-            (0..columns).map(|i| self.zr[i] - dot(self.qz.col_as_slice(i), pull)).collect();
-        let absorbed = self.qz.transpose() * &self.qz;
+        let (u, left) = self.beside(pull);
         let norms: Vec<f64> = (0..columns).map(|i| self.zz[(i, i)].max(0.0).sqrt()).collect();
         let longest = norms.iter().fold(0.0_f64, |most, norm| most.max(*norm));
         // A column of which less than rounding is left moves nothing.
@@ -60,9 +65,7 @@ impl StepSums {
             true => 1.0 / norms[i],
             false => 0.0,
         };
-        let square = Mat::from_fn(columns, columns, |i, j| {
-            (self.zz[(i, j)] - absorbed[(i, j)]) * unit(i) * unit(j)
-        });
+        let square = Mat::from_fn(columns, columns, |i, j| left[(i, j)] * unit(i) * unit(j));
         if let Some(inverse) = inverse_above(&square, VISIBLE) {
             // Most often: all directions.
             let u: Vec<f64> = u.iter().enumerate().map(|(i, u)| u * unit(i)).collect();
@@ -87,12 +90,12 @@ impl StepSums {
     }
 
     /// What a move with this score costs, in directions that are told as well as the best one, where its
-    /// components are as large among each other as these typical sizes, `T`: what hardly shows costs
+    /// components are as large among each other as these typical sizes: what hardly shows costs
     /// little, and what a move explains by that is given back.
     ///
     /// ```text
     /// k ln(1 + g) + T/(1 + g) = ln |1 + g R| + uᵀ S⁻¹ u - g uᵀ D (1 + g R)⁻¹ D u / r              (154)
-    ///     S = ZᵀZ - (QᵀZ)ᵀ QᵀZ,   r = max diag(D S D),   R = D S D / r,   g = T/rank
+    ///     u = Zᵀr - (QᵀZ)ᵀ p,   S = ZᵀZ - (QᵀZ)ᵀ QᵀZ,   r = max diag(D S D),   R = D S D / r,   g = T/rank
     /// ```
     ///
     /// With `T = uᵀ S⁻¹ u`, the cost of (118) at its likeliest amplitude; `D` are the sizes on a diagonal.
@@ -100,17 +103,15 @@ impl StepSums {
     pub fn directions(&self, typical: &[f64], pull: &[f64], found: &StepScore) -> f64 {
         let (columns, rank) = (typical.len(), found.rank as f64);
         let g = (found.score / rank).max(1.0);
-        let along = |i: usize| (self.zr[i] - dot(self.qz.col_as_slice(i), pull)) * typical[i];
-        let absorbed = self.qz.transpose() * &self.qz;
-        let told =
-            |i: usize, j: usize| (self.zz[(i, j)] - absorbed[(i, j)]) * typical[i] * typical[j];
+        let (u, left) = self.beside(pull);
+        let told = |i: usize, j: usize| left[(i, j)] * typical[i] * typical[j];
         let most = (0..columns).map(|i| told(i, i)).fold(f64::MIN_POSITIVE, f64::max);
         let square = Mat::from_fn(columns, columns, |i, j| {
             f64::from(u8::from(i == j)) + g * told(i, j) / most
         });
         let Ok(factor) = Llt::new(square.as_ref(), Side::Lower) else { return rank };
         let volume: f64 = (0..columns).map(|i| 2.0 * factor.L()[(i, i)].ln()).sum();
-        let u = Mat::from_fn(columns, 1, |i, _| along(i));
+        let u = Mat::from_fn(columns, 1, |i, _| u[i] * typical[i]);
         let kept = g / most * (u.transpose() * factor.solve(&u))[(0, 0)];
         let given_back = found.score - kept - found.score / (1.0 + g);
         ((volume + given_back) / g.ln_1p()).clamp(1.0, rank)
