@@ -197,6 +197,7 @@ UNITS = {
     "1/K": "Fraction per kelvin from the mean temperature of the readings.",
     "1/turn": "Waves in one turn of the joint.",
     "rad/K": "Angle per kelvin from the mean temperature of the readings.",
+    "length/K": "Length per kelvin from the mean temperature of the readings.",
     "1/session": "Fraction from the beginning of a session to its end.",
     "rad/session": "Angle from the beginning of a session to its end.",
     "rad/torque": "Angle per torque about the joint. A torque is **mass × length**, in the unit of "

@@ -240,6 +240,8 @@ def _effect(
     """Parameters of the effect on every chain that it acts on: what it does to the whole arm."""
     name, parameter = term["id"], term["parameters"][0]["name"]
     large = 0.25 * share
+    if name == "link_growth":  # at one temperature it is a length
+        name, parameter = "link_length", "a"
     if name in ("link_length", "link_offset", "joint_tilt", "link_frame"):
         sizes = {parameter: large}
         if name == "joint_tilt":

@@ -10,7 +10,7 @@ import numpy as np
 
 from tests import oracle
 from tests.machines import plain
-from tests.machines.kit import Effect, Machine, Rng, Values, effect
+from tests.machines.kit import WARM, Effect, Machine, Rng, Values, day, effect
 from tests.oracle import Array
 
 JOINTS = ("q1", "q2", "q3", "q4", "q5", "q6")
@@ -47,7 +47,7 @@ class Body:
             rows, np.array([rng.uniform(40, 80), rng.uniform(-20, 20), rng.uniform(50, 150)])
         )
 
-    def tip(self, read: Array, v: Values) -> Array:
+    def tip(self, read: Array, v: Values, warm: Array | float = 0.0) -> Array:
         """Places of the tool for readings, with all that is wrong with the arm: (n, 3)."""
         q: dict[str, Array] = {}
         time = np.linspace(-0.5, 0.5, len(read))
@@ -57,11 +57,14 @@ class Body:
             own = read[:, i] * (1 + v.get(f"gain@{name}", 0.0)) + v.get(f"offset@{name}", 0.0)
             own = own + v.get(f"curvature@{name}", 0.0) * u * u
             own = own + v.get(f"once@{name}", 0.0) * np.sin(read[:, i] + i)
+            own = own + v.get(f"warm@{name}", 0.0) * warm
             q[name] = own + v.get(f"drift@{name}", 0.0) * time
         rows = [dict(row) for row in self.rows]
         for k, row in enumerate(rows, start=1):
-            row["a"] = row.get("a", 0.0) + v.get(f"a@arm/{k}", 0.0)
-            row["d"] = row.get("d", 0.0) + v.get(f"d@arm/{k}", 0.0)
+            row |= plain.tilted(row, v.get(f"tilt@arm/{k}", 0.0))
+            for length in ("a", "d"):
+                grown = v.get(f"growth@arm/{k}", 0.0) * warm if row.get(length) else 0.0
+                row[length] = row.get(length, 0.0) + v.get(f"{length}@arm/{k}", 0.0) + grown
         for name in JOINTS:
             soft = v.get(f"compliance@{name}", 0.0)
             if soft:
@@ -170,6 +173,7 @@ class Job:
     body: Body
     rng: Rng
     poses: int
+    warm: bool = False
 
     def __post_init__(self) -> None:
         """Postures near one from which everything is in reach."""
@@ -179,7 +183,7 @@ class Job:
         self.values: Values = {f"offset@{j}": rng.normal(0, 4e-3) for j in JOINTS}
         self.fitted: dict[str, float] = {f"offset@{j}": 1e-5 for j in JOINTS}
         self.closures: list[tuple[Closure, list[float]]] = []
-        self.effects: list[Effect] = arm_effects()
+        self.effects: list[Effect] = arm_effects(self.warm)
         self.points: list[dict[str, Any]] = [
             {"name": "tool", "chain": "arm", "at": [float(x) for x in self.body.tool]}
         ]
@@ -294,11 +298,16 @@ class Job:
         body, closures = self.body, self.closures
         measured = np.nan_to_num(self.measured)
 
+        if self.warm:
+            measured = np.column_stack([measured, day(self.rng, self.poses)])
+
         def gap(read: Array, places: Array, v: Values) -> Array:
-            tip = body.tip(read[:, :6], v)
+            warm = read[:, -1] - read[:, -1].mean() if self.warm else 0.0
+            tip = body.tip(read[:, :6], v, warm)
             return np.hstack([one(tip, read, v) for one, _ in closures])
 
-        cols = JOINTS + (SEEN if measured.shape[1] else ())
+        cols = JOINTS + (SEEN if self.measured.shape[1] else ()) + ((WARM,) if self.warm else ())
+        still = np.zeros((self.poses, int(self.warm)), dtype=bool)
         return Machine(
             name=name,
             mechanism=self.mechanism(),
@@ -307,12 +316,12 @@ class Job:
             play=np.concatenate([p for _, p in closures]),
             gap=gap,
             start=np.hstack([self.q, measured]),
-            gives=np.array([0.3] * 6 + [100.0] * measured.shape[1]),
+            gives=np.array([0.3] * 6 + [100.0] * self.measured.shape[1] + [0.0] * self.warm),
             values=self.values,
             fitted=self.fitted,
             effects=tuple(self.effects),
             text=self.text,
-            empty=np.hstack([np.zeros_like(self.q, dtype=bool), np.isnan(self.measured)]),
+            empty=np.hstack([np.zeros_like(self.q, dtype=bool), np.isnan(self.measured), still]),
         )
 
     def mechanism(self) -> dict[str, Any]:
@@ -340,7 +349,7 @@ def named(value: str, typical: float, *targets: str) -> Effect:
     return effect(value, "closure", typical, *targets, also=("geometry",))
 
 
-def arm_effects() -> list[Effect]:
+def arm_effects(warm: bool) -> list[Effect]:
     """What the arm itself may have."""
     out = []
     for j in JOINTS:
@@ -350,6 +359,11 @@ def arm_effects() -> list[Effect]:
             effect(f"once@{j}", "sensor", 1e-3, j),
             effect(f"drift@{j}", "sensor", 1e-3, j),
         ]
+        if warm:
+            out.append(effect(f"warm@{j}", "sensor", 3e-5, j))
+    out += [effect(f"tilt@arm/{k}", "geometry", 1e-3, f"arm/{k}") for k in range(1, 6)]
+    if warm:
+        out += [effect(f"growth@arm/{k}", "geometry", 1e-2, f"arm/{k}") for k in range(2, 7)]
     out += [effect(f"a@arm/{k}", "geometry", 0.5, f"arm/{k}") for k in (2, 3)]
     out += [effect(f"d@arm/{k}", "geometry", 0.5, f"arm/{k}") for k in (4, 5)]
     out += [effect(f"compliance@{j}", "load", 2e-6, j, "all", "arm") for j in ("q2", "q3")]
@@ -386,9 +400,14 @@ def draw_tracker(rng: Rng, poses: int = 30) -> Machine:
     return job.machine("tracker")
 
 
-def draw_sockets(rng: Rng, poses: int = 60) -> Machine:
+def draw_warm(rng: Rng) -> Machine:
+    """The same in a hall whose temperature changes."""
+    return draw_sockets(rng, warm=True)
+
+
+def draw_sockets(rng: Rng, poses: int = 60, warm: bool = False) -> Machine:
     """An arm that touches a surface, and two sockets in every other pose."""
-    job = Job(Body.random(rng), rng, poses)
+    job = Job(Body.random(rng), rng, poses, warm)
     first = (np.arange(poses) // 2 % 2 == 0).astype(float)
     job.plane("table", first)
     job.sockets(1 - first)

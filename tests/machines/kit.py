@@ -31,6 +31,18 @@ SMALL = 1e-9
 """Columns shorter than this, in parts of the longest, are rounding."""
 
 
+WARM = "temperature_c"
+"""The column of a session with a temperature that changes; where there is one, it is the last."""
+
+
+def day(rng: Rng, n: int) -> Array:
+    """Temperatures of a session [°C]: a machine that warms up in a hall that is aired, (n,)."""
+    t = np.linspace(0, 1, n)
+    up = rng.uniform(2, 8) * (1 - np.exp(-t * rng.uniform(2, 6)))
+    aired = rng.uniform(1, 4) * np.sin(2 * np.pi * (t * rng.uniform(0.7, 2.5) + rng.random()))
+    return np.asarray(20 + up + aired)
+
+
 @dataclass(frozen=True)
 class Effect:
     """Something that the mechanism file lacks: a value, its kind, and the names it may have."""

@@ -25,7 +25,16 @@ def frames(rows: Sequence[Row], angles: dict[str, Array], n: int) -> Array:
         theta = row.get("theta", 0.0) + (0.0 if slides else q)
         d = row.get("d", 0.0) + (q if slides else 0.0)
         end = end @ oracle.dh(theta, d, row.get("a", 0.0), row.get("alpha", 0.0))
+        if "beta" in row:
+            end = end @ oracle.roll_pitch_yaw(0.0, row["beta"], 0.0)
     return end
+
+
+def tilted(row: Row, by: float) -> Row:
+    """What of a row is another where the next axis is tilted: half-way between x and y."""
+    if not by:
+        return {}
+    return {"alpha": row.get("alpha", 0.0) + by * 0.5**0.5, "beta": by * 0.5**0.5}
 
 
 def place(end: Array, at: Sequence[float] | Array) -> Array:

@@ -8,14 +8,14 @@ the joints and `J` that of the closures. Slopes by differences of plain matrix p
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from tests.machines import plain
-from tests.machines.kit import Effect, Machine, Rng, Values, effect
+from tests.machines.kit import WARM, Effect, Machine, Rng, Values, day, effect
 from tests.oracle import Array
 
 NOISE, PLAY = 1e-4, 0.02
@@ -38,8 +38,10 @@ class Hanging:
         drives: list[str],
         down: Array,
         closed: Closed,
+        warm: bool = False,
     ) -> None:
         self.chains, self.drives, self.down, self.closed = chains, drives, down, closed
+        self.warm = warm
         self.joints = [row["channel"] for c in chains for row in c["dh"] if "channel" in row]
         self.driven = np.array([j in drives for j in self.joints])
 
@@ -79,8 +81,11 @@ class Hanging:
 
     def gap(self, read: Array, v: Values) -> Array:
         """Gaps for readings, with all that is wrong."""
-        q = read + np.array([v[f"offset@{j}"] for j in self.joints])
+        n = len(self.joints)
+        warm = read[:, n] - read[:, n].mean() if self.warm else np.zeros(len(read))
+        q = read[:, :n] + np.array([v[f"offset@{j}"] for j in self.joints])
         for i, j in enumerate(self.joints):
+            q[:, i] += v.get(f"warm@{j}", 0.0) * warm
             q[:, i] += v.get(f"curvature@{j}", 0.0) * read[:, i] ** 2
             q[:, i] += v.get(f"once@{j}", 0.0) * np.sin(read[:, i] + i)
         if any(key.startswith(("compliance", "play")) and value for key, value in v.items()):
@@ -89,15 +94,16 @@ class Hanging:
                 q[:, i] += v.get(f"compliance@{j}", 0.0) * torque[:, i]
                 q[:, i] += v.get(f"play@{j}", 0.0) * np.sign(torque[:, i])
         chains = [
-            {**c, "dh": [self.longer(c["name"], k, row, v) for k, row in enumerate(c["dh"])]}
+            {**c, "dh": [self.made(f"{c['name']}/{k}", row, v, warm) for k, row in numbered(c)]}
             for c in self.chains
         ]
         return self.closed(self.named(q), chains)
 
     @staticmethod
-    def longer(chain: str, k: int, row: dict[str, Any], v: Values) -> dict[str, Any]:
-        """A row of a length that is wrong."""
-        return {**row, "a": row.get("a", 0.0) + v.get(f"a@{chain}/{k + 1}", 0.0)}
+    def made(place: str, row: dict[str, Any], v: Values, warm: Array) -> dict[str, Any]:
+        """A row as it was made: of another length, which may grow, and tilted at its end."""
+        a = row.get("a", 0.0) + v.get(f"a@{place}", 0.0) + v.get(f"growth@{place}", 0.0) * warm
+        return {**row, "a": a} | plain.tilted(row, v.get(f"tilt@{place}", 0.0))
 
     def effects(self) -> tuple[Effect, ...]:
         """What such a mechanism may have."""
@@ -113,9 +119,15 @@ class Hanging:
                 effect(f"play@{j}", "load", 1e-3, j),
             ]
         for c in self.chains:
-            for k, row in enumerate(c["dh"], start=1):
+            for k, row in numbered(c):
                 if row.get("a") and "channel" in row:
-                    out.append(effect(f"a@{c['name']}/{k}", "geometry", 0.3, f"{c['name']}/{k}"))
+                    at = f"{c['name']}/{k}"
+                    out.append(effect(f"a@{at}", "geometry", 0.3, at))
+                    out.append(effect(f"tilt@{at}", "geometry", 1e-3, at))
+                    if self.warm:
+                        out.append(effect(f"growth@{at}", "geometry", 5e-3, at))
+        if self.warm:
+            out += [effect(f"warm@{j}", "sensor", 3e-5, j) for j in self.joints]
         return tuple(out)
 
     def machine(
@@ -123,6 +135,9 @@ class Hanging:
     ) -> Machine:
         """The machine about those of the postures at which its drives can stand."""
         n = len(self.joints)
+        more = [WARM] if self.warm else []
+        if self.warm:
+            start = np.column_stack([start, np.zeros(len(start))])
         channels = [
             {"name": j, "unit": "rad", "gain": 1.0, "offset": 0.0, "noise": NOISE}
             | ({} if j in self.drives else {"passive": True})
@@ -139,22 +154,31 @@ class Hanging:
             "model": {"terms": ["offset"]},
         }
         values = {f"offset@{j}": float(rng.normal(0, 5e-3)) for j in self.joints}
-        equations = self.closed(self.named(start), self.chains).shape[1]
+        equations = self.closed(self.named(start[:, :n]), self.chains).shape[1]
         machine = Machine(
             name=name,
             mechanism=document,
-            columns=tuple(self.joints),
-            sigma=np.full(n, NOISE),
+            columns=(*self.joints, *more),
+            sigma=np.array([NOISE] * n + [0.0] * len(more)),
             play=np.full(equations, PLAY),
             gap=lambda read, places, v: self.gap(read, v),
             start=start,
-            gives=np.where(self.driven, 0.0, 1.0),  # drives stand, the others follow
+            # Drives stand, the others follow.
+            gives=np.concatenate([np.where(self.driven, 0.0, 1.0), np.zeros(len(more))]),
             values=values,
             fitted=dict.fromkeys(values, 1e-5),
             effects=self.effects(),
         )
         rows, shut = machine.settled(values)
-        return replace(machine, start=rows[shut & self.works(rows)][:POSES])
+        rows = rows[shut & self.works(rows[:, :n])][:POSES]
+        if self.warm:
+            rows[:, n] = day(rng, len(rows))
+        return replace(machine, start=rows)
+
+
+def numbered(chain: dict[str, Any]) -> Iterable[tuple[int, dict[str, Any]]]:
+    """Rows of a chain with their numbers, from 1."""
+    return enumerate(chain["dh"], start=1)
 
 
 def slope(of: Callable[[Array], Array], q: Array) -> Array:
@@ -197,7 +221,12 @@ def draw_fivebar(rng: Rng) -> Machine:
     return hanging.machine("five-bar", rng, start, points, closures)
 
 
-def draw_legs(rng: Rng) -> Machine:
+def draw_warm_legs(rng: Rng) -> Machine:
+    """The same in a hall whose temperature changes."""
+    return draw_legs(rng, warm=True)
+
+
+def draw_legs(rng: Rng, warm: bool = False) -> Machine:
     """A platform on three legs: drives at the base, free knees, balls at the platform."""
     around, upper, lower, side = rng.uniform(0.85, 1.15, 4) * [180, 200, 260, 160]
     chains, points = [], []
@@ -216,7 +245,7 @@ def draw_legs(rng: Rng) -> Machine:
         apart = [np.linalg.norm(ends[a] - ends[b], axis=1) for a, b in pairs]
         return np.asarray(np.stack(apart, axis=1) - side)
 
-    hanging = Hanging(chains, ["m1", "m2", "m3"], np.array([0.0, 0.0, -1.0]), closed)
+    hanging = Hanging(chains, ["m1", "m2", "m3"], np.array([0.0, 0.0, -1.0]), closed, warm)
     start = np.array([1.2, 1.0] * 3) + 0.45 * rng.uniform(-1, 1, (TRIED, 6))
     closures = [
         {"name": f"side{k}", "kind": "distance", "value": float(side), "noise": PLAY}

@@ -30,6 +30,8 @@ MACHINES: dict[str, Callable[[Rng], Machine]] = {
     "leader": leader.draw,
     "fivebar": statics.draw_fivebar,
     "legs": statics.draw_legs,
+    "warm": arm.draw_warm,
+    "warm_legs": statics.draw_warm_legs,
 }
 SUITES = ("clean", "effect")
 STRENGTH = (30.0, 100.0)

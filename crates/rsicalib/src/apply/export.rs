@@ -21,7 +21,7 @@ use crate::kinematics::elements::{Axis, Way};
 use crate::mechanism::{Chain, Mechanism, Row, Target, Value};
 use crate::model::{Spec, is_unknown_thing};
 use crate::terms::Ratio;
-use crate::terms::term::{Acts, Freedom, Outlasts, Role, Spot, Term};
+use crate::terms::term::{Acts, Freedom, Needs, Outlasts, Role, Spot, Term};
 use crate::text::{number, quoted};
 
 /// A mechanism under which readings give the same points as under a result.
@@ -232,6 +232,11 @@ fn noise(out: &mut Mechanism, applied: &Applied) {
 fn other(effect: &Effect, mechanism: &Mechanism, out: &mut Mechanism) -> Option<Note> {
     let spec = || effect.spec.clone();
     match (effect.term.acts(), effect.target) {
+        (Acts::Geometry(_) | Acts::Distance, _)
+            if effect.term.info().needs == Needs::Temperature =>
+        {
+            Some(Note::NoPlace(spec()))
+        }
         (Acts::Geometry(_), _) => None,
         (Acts::Distance, Target::Closure(k)) => {
             let add = effect.values[0];

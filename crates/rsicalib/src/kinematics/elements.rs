@@ -29,8 +29,8 @@ pub enum Source {
     Channel(usize),
     /// A parameter of the model.
     Parameter(usize),
-    /// A parameter of the model that acts in some samples: the parameter, and the number of the
-    /// gate that is one in those samples, and zero in all others.
+    /// A parameter of the model that does not act alike in all samples: the parameter, and the number
+    /// of the gate that multiplies it in each.
     Gated(usize, usize),
     /// The amount of a law, by its number among the coordinates: after those of the channels.
     Law(usize),

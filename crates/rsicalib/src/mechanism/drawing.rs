@@ -317,6 +317,20 @@ impl Row {
     }
 }
 
+impl Row {
+    /// Axes in the frame after the joint, x leading to the next joint; `None` for a body without a
+    /// length.
+    #[must_use]
+    pub fn along(&self) -> Option<UnitQuaternion<f64>> {
+        let way = self.body().translation.vector;
+        let turn = || {
+            UnitQuaternion::rotation_between(&Vector3::x(), &way)
+                .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), PI))
+        };
+        (way != Vector3::zeros()).then(turn)
+    }
+}
+
 /// Sine of an angle below which two directions of a drawing are meant to be one: it is written in
 /// four digits or more.
 const PARALLEL: f64 = 1e-4;

@@ -6,7 +6,7 @@ use crate::Error;
 use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
 use crate::mechanism::{Closure, Mechanism, Target, Value, Variable};
 use crate::model::compiled::{
-    Added, CompiledClosure, ElectronicsAt, Gate, LoadAt, Model, SensorAt, ShapeAt,
+    Added, CompiledClosure, ElectronicsAt, Gate, Gating, LoadAt, Model, SensorAt, ShapeAt,
 };
 use crate::model::drives::Drives;
 use crate::model::ends::{self, MovedEnd, Only};
@@ -320,12 +320,14 @@ impl Model {
                         self.loads.push(LoadAt { whose, chain, channel, parameter: first });
                     }
                 }
-                Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) | Acts::End
-                    if instance.term.placed() == Placed::AtPose =>
-                {
-                    self.gates.push(Gate { instance: number, place, session });
+                Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) | Acts::End => {
+                    let gate = |acts| Gate { instance: number, acts };
+                    if instance.term.placed() == Placed::AtPose {
+                        self.gates.push(gate(Gating::Since { place, session }));
+                    } else if instance.term.info().needs == Needs::Temperature {
+                        self.gates.push(gate(Gating::Temperature));
+                    }
                 }
-                Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) | Acts::End => {}
             }
         }
         let channels = self.mechanism.channels.len();
@@ -356,10 +358,11 @@ impl Model {
                     steps.push(Element::Mass(Weight::Links, row.com, mass));
                 }
                 self.free(&mut steps, Spot::Joint, c, Some(r));
-                let mut of_link = Vec::new();
-                self.free(&mut of_link, Spot::Link, c, Some(r));
-                if !of_link.is_empty() {
-                    let axes = Isometry3::from_parts(Vector3::zeros().into(), row.link());
+                for (spot, axes) in [(Spot::Link, Some(row.link())), (Spot::Along, row.along())] {
+                    let mut of_link = Vec::new();
+                    self.free(&mut of_link, spot, c, Some(r));
+                    let Some(axes) = axes.filter(|_| !of_link.is_empty()) else { continue };
+                    let axes = Isometry3::from_parts(Vector3::zeros().into(), axes);
                     push_rigid(&mut steps, &axes);
                     steps.append(&mut of_link);
                     push_rigid(&mut steps, &axes.inverse());

@@ -136,23 +136,34 @@ pub(crate) struct ElectronicsAt {
     pub(crate) width: usize,
 }
 
-/// The samples in which a motion of geometry acts: those from one pose on.
+/// By what a motion of geometry is multiplied in each sample.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Gate {
     /// Number of the instance that moves.
     pub(super) instance: usize,
-    pub(super) place: usize,
-    /// The session in which it acts, where there are several.
-    pub(super) session: Option<usize>,
+    pub(super) acts: Gating,
+}
+
+/// How much of a motion acts in a sample.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Gating {
+    /// All of it from one pose on, nothing before; in one session, where there are several.
+    Since { place: usize, session: Option<usize> },
+    /// In proportion to the temperature above the mean of the session.
+    Temperature,
 }
 
 impl Gate {
-    /// One in the samples of a block that it lets act, zero in the others.
+    /// The factor in each sample of a block.
     #[inline(always)]
     pub(crate) fn of(&self, block: &Block) -> Lanes {
-        let place = self.place as f64;
-        let since = block.pose.map(|p| if p >= place { 1.0 } else { 0.0 });
-        self.session.map_or(since, |session| since * block.within(session))
+        match self.acts {
+            Gating::Since { place, session } => {
+                let since = block.pose.map(|p| if p >= place as f64 { 1.0 } else { 0.0 });
+                session.map_or(since, |session| since * block.within(session))
+            }
+            Gating::Temperature => block.temperature,
+        }
     }
 }
 

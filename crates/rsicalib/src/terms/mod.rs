@@ -115,6 +115,7 @@ mod crosstalk;
 mod cubic;
 mod curvature;
 mod distance;
+mod distance_growth;
 mod distance_slip;
 mod drift;
 mod free_curve;
@@ -128,6 +129,7 @@ mod lag;
 mod line_bend;
 mod line_slip;
 mod link_frame;
+mod link_growth;
 mod link_length;
 mod link_offset;
 mod n_per_turn;
@@ -172,6 +174,7 @@ registry! {
     temperature_offset::TemperatureOffset,
     temperature_gain::TemperatureGain,
     link_length::LinkLength,
+    link_growth::LinkGrowth,
     link_offset::LinkOffset,
     joint_tilt::JointTilt,
     link_frame::LinkFrame,
@@ -188,6 +191,7 @@ registry! {
     counterbalance::Counterbalance,
     gear_play::GearPlay,
     distance::Distance,
+    distance_growth::DistanceGrowth,
     distance_slip::DistanceSlip,
     plane_bend::PlaneBend,
     plane_slip::PlaneSlip,

@@ -237,7 +237,7 @@ pub fn typical(mechanism: &Mechanism, term: &dyn Term, target: Target) -> Vec<f6
     let scale = |unit: &str| match unit {
         "rad" | "rad/session" | "rad/K" if slides => longest,
         "rad" | "rad/session" | "rad/K" => own.unwrap_or(1.0),
-        "length" => longest,
+        "length" | "length/K" => longest,
         // A typical gain is declared of the counts of a potentiometer: two per cent of its own.
         "rad/reading" => match target {
             Target::Channel(c) if !mechanism.moves_joint(c) => own_gain(mechanism, c),

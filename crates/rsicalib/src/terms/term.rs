@@ -281,6 +281,10 @@ pub enum Spot {
     ///
     /// [`Row::link`]: crate::mechanism::Row::link
     Link,
+    /// There, too, x leading to the next joint: [`Row::along`].
+    ///
+    /// [`Row::along`]: crate::mechanism::Row::along
+    Along,
     /// After the translation of a row's body: about the next joint's origin.
     End,
     /// In the frame at the end of a chain.
@@ -298,11 +302,12 @@ pub enum Acts {
     Electronics(&'static dyn Electronics),
     /// Corrects one joint coordinate.
     Sensor(&'static dyn Sensor),
-    /// Moves the bodies of a chain.
+    /// Moves the bodies of a chain: from a pose on for a term that is placed at one, in proportion to
+    /// the temperature for a term that needs one.
     Geometry(&'static [Freedom]),
     /// Moves joints in proportion to their torque.
     Load(Weight),
-    /// Corrects the value of a distance.
+    /// Corrects the value of a distance, when a motion of geometry would act.
     Distance,
     /// Moves the end of a closure that stands, along the axes of the base.
     End,
