@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from scipy.optimize import fsolve, least_squares
 
+from rsicalib import calibrate, trace
+from rsicalib.errors import InputError
 from tests.full import sized
-from tests.machines import files
+from tests.machines import files, statics
 from tests.machines.__main__ import main
 from tests.machines.kit import Effect, Linear, Machine
 from tests.machines.statics import Hanging
@@ -129,6 +131,64 @@ def test_drives_do_the_work_of_the_weights(name: str) -> None:
         np.testing.assert_allclose(work, fallen, atol=1e-5 * np.abs(work).max())
 
 
+def test_drives_that_could_work_against_each_other_hold_the_weights() -> None:
+    """A motion of the loop: the work of all three drives together is what the weights fall."""
+    machine = statics.draw_redundant(np.random.default_rng(SEED))
+    hanging = redundant(machine)
+    start = machine.closed(machine.values | dict.fromkeys(machine.fitted, 0.0))
+    torque = hanging.felt(start)
+    stands = hanging.standing(2)
+    for drive in np.flatnonzero(stands):
+        ends = []
+        for sign in (1, -1):
+            moved = start.copy()
+            moved[:, drive] += sign * 5e-5
+            ends.append(shut(hanging, moved, stands))
+        work = np.sum(torque * (ends[0] - ends[1]), axis=1)
+        fallen = hanging.fall(ends[0]) - hanging.fall(ends[1])
+        np.testing.assert_allclose(work, fallen, atol=1e-5 * np.abs(work).max())
+
+
+def redundant(machine: Machine) -> Hanging:
+    """The mechanism of a machine with shares, its drawing as its truth."""
+    channels = machine.mechanism["channel"]
+    drives = [c["name"] for c in channels if not c.get("passive")]
+    shares = tuple(c["share"] for c in channels if not c.get("passive"))
+    right = machine.values | dict.fromkeys(machine.fitted, 0.0)
+
+    def closed(q: dict[str, Array], chains: object) -> Array:
+        read = np.stack([q[c] for c in machine.columns], axis=1)
+        return machine.gap(read, read[:, :0], right)
+
+    down = np.array(machine.mechanism["gravity"])
+    return Hanging(machine.mechanism["chain"], drives, down, closed, shares=shares)
+
+
+@pytest.mark.parametrize("tells", statics.TELLS)
+def test_what_drives_carry_is_declared_or_not_looked_for(tells: str | None, tmp_path: Path) -> None:
+    """A shoulder that gives, where an elbow has a drive too: noncentrality 150."""
+    rng = np.random.default_rng(SEED)
+    machine = statics.draw_redundant(rng, tells or "share")
+    if tells is None:
+        for channel in machine.mechanism["channel"]:
+            channel.pop("share", None)
+    gives = next(e for e in machine.effects if e.value == "compliance@m1")
+    size = Linear(machine).sized(gives, 150.0)
+    csv, mechanism = files.write(machine, machine.observe(rng, gives, size), tmp_path)
+    asked = ["offset", "joint_compliance@m1"]
+    traced = trace(csv, mechanism)
+    if tells is None:
+        assert "share" in traced.to_dict()["not_candidates"]["joint_compliance"]
+        with pytest.raises(InputError, match="share"):
+            calibrate(csv, mechanism, terms=asked)
+        return
+    step = traced.to_dict()["steps"][0]
+    named = {(s["term"], s["target"]) for s in [step, *(step["also_fits"] or [])]}
+    assert ("joint_compliance", "m1") in named
+    found = calibrate(csv, mechanism, terms=asked)["joint_compliance@m1"]
+    assert abs(found.value - size) < 4 * found.sd
+
+
 def hanging_of(name: str) -> tuple[Hanging, Array]:
     """A mechanism whose drawing is its truth, and postures at which it is closed."""
     machine = drawn(name)
@@ -145,20 +205,20 @@ def hanging_of(name: str) -> tuple[Hanging, Array]:
     return hanging, shut(hanging, machine.closed(right))
 
 
-def shut(hanging: Hanging, q: Array) -> Array:
-    """The joints without drives turned, by SciPy, until the loops are closed."""
-    out = q.copy()
+def shut(hanging: Hanging, q: Array, stands: Array | None = None) -> Array:
+    """Joints that do not stand, or have no drive, turned by SciPy until the loops are closed."""
+    out, stands = q.copy(), hanging.driven if stands is None else stands
     for row in out:
 
         def gap(free: Array, row: Array = row) -> Array:
-            row[~hanging.driven] = free
+            row[~stands] = free
             return hanging.closed(hanging.named(row[None]), hanging.chains)[0]
 
-        row[~hanging.driven] = fsolve(gap, row[~hanging.driven].copy(), xtol=1e-12)
+        row[~stands] = fsolve(gap, row[~stands].copy(), xtol=1e-12)
     return out
 
 
-THERE: tuple[str, ...] = ("delta", "fivebar", "legs")
+THERE: tuple[str, ...] = ("delta", "fivebar", "legs", "redundant", "warm_legs")
 """Machines whose closures the core has."""
 
 

@@ -107,6 +107,8 @@ pub fn arm(joints: usize, poses: usize) -> Observations {
         limits: None,
         noise: Some(1e-4),
         passive: false,
+        torque: None,
+        share: None,
     };
     let point = |name: &str, chain: Option<&str>| Point {
         name: name.into(),

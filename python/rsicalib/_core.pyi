@@ -68,6 +68,14 @@ class Channel:
         """Lowest and highest reading, if bounded."""
 
     @property
+    def share(self) -> Any:
+        """What its drive carries, in proportion to others of a loop with more drives than motions."""
+
+    @property
+    def torque(self) -> Any:
+        """Column of the readings with the torque of its drive."""
+
+    @property
     def unit(self) -> str:
         """Unit of a reading: `count`, `rad`, `m`, ..."""
 

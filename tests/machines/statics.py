@@ -8,14 +8,14 @@ the joints and `J` that of the closures. Slopes by differences of plain matrix p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from tests.machines import plain
-from tests.machines.kit import WARM, Effect, Machine, Rng, Values, day, effect
+from tests.machines.kit import WARM, Effect, Machine, Rng, Values, day, effect, keep
 from tests.oracle import Array
 
 NOISE, PLAY = 1e-4, 0.02
@@ -39,9 +39,11 @@ class Hanging:
         down: Array,
         closed: Closed,
         warm: bool = False,
+        shares: tuple[float, ...] = (),
     ) -> None:
         self.chains, self.drives, self.down, self.closed = chains, drives, down, closed
         self.warm = warm
+        self.shares = dict(zip(drives, shares or [1.0] * len(drives), strict=True))
         self.joints = [row["channel"] for c in chains for row in c["dh"] if "channel" in row]
         self.driven = np.array([j in drives for j in self.joints])
 
@@ -67,16 +69,31 @@ class Hanging:
 
     def works(self, q: Array) -> Array:
         """Which postures are not nearly stretched."""
-        sizes = np.linalg.svd(self.loops(q)[:, :, ~self.driven], compute_uv=False)
+        j = self.loops(q)
+        sizes = np.linalg.svd(j[:, :, ~self.standing(j.shape[1])], compute_uv=False)
         return np.asarray(sizes[:, -1] > STRETCHED * sizes[:, 0])
+
+    def standing(self, equations: int) -> Array:
+        """Joints that stand while loops are closed, as many as these leave freedoms."""
+        freedoms = len(self.joints) - equations
+        return np.array([j in self.drives[:freedoms] for j in self.joints])
 
     def felt(self, q: Array) -> Array:
         """Torques of the drives, (n, joints): zero where there is none."""
         g, j = slope(self.fall, q), self.loops(q)
-        follows = np.linalg.pinv(j[:, :, ~self.driven]) @ j[:, :, self.driven]
+        by_drives, by_free = (np.swapaxes(j[:, :, d], 1, 2) for d in (self.driven, ~self.driven))
         out = np.zeros(q.shape)
-        own = np.einsum("np,npm->nm", g[:, ~self.driven], follows)
-        out[:, self.driven] = g[:, self.driven] - own
+        weigh = np.array([self.shares[j] ** -0.5 for j in self.joints if j in self.drives])
+        for n in range(len(q)):
+            # Forces of the closures: passive joints carry nothing, and of the forces that are left
+            # those by which drives would work against each other are none.
+            force = np.linalg.pinv(by_free[n]) @ g[n, ~self.driven]
+            left = keep(by_free[n].T)
+            carried = g[n, self.driven] - by_drives[n] @ force
+            if left.size:
+                against = np.linalg.pinv(weigh[:, None] * (by_drives[n] @ left), rcond=1e-9)
+                carried = carried - by_drives[n] @ left @ against @ (weigh * carried)
+            out[n, self.driven] = carried
         return out
 
     def gap(self, read: Array, v: Values) -> Array:
@@ -130,6 +147,20 @@ class Hanging:
             out += [effect(f"warm@{j}", "sensor", 3e-5, j) for j in self.joints]
         return tuple(out)
 
+    def told(self, machine: Machine, tells: str) -> Machine:
+        """The machine with a file, and readings, that tell what its drives carry."""
+        feels = self.felt(machine.start[:, : len(self.joints)])
+        text = dict(machine.text)
+        document = {**machine.mechanism, "channel": [dict(c) for c in machine.mechanism["channel"]]}
+        for name in self.drives:
+            i = self.joints.index(name)
+            if tells == "share":
+                document["channel"][i]["share"] = float(self.shares[name])
+            else:  # a drive pushes against what it feels
+                document["channel"][i]["torque"] = f"push_{name}"
+                text[f"push_{name}"] = [f"{-torque:.6f}" for torque in feels[:, i]]
+        return replace(machine, mechanism=document, text=text)
+
     def machine(
         self, name: str, rng: Rng, start: Array, points: list[Any], closures: list[Any]
     ) -> Machine:
@@ -163,8 +194,7 @@ class Hanging:
             play=np.full(equations, PLAY),
             gap=lambda read, places, v: self.gap(read, v),
             start=start,
-            # Drives stand, the others follow.
-            gives=np.concatenate([np.where(self.driven, 0.0, 1.0), np.zeros(len(more))]),
+            gives=np.concatenate([~self.standing(equations), np.zeros(len(more))]).astype(float),
             values=values,
             fitted=dict.fromkeys(values, 1e-5),
             effects=self.effects(),
@@ -198,7 +228,18 @@ def point(name: str, chain: str) -> dict[str, Any]:
     return {"name": name, "chain": chain, "at": [0.0, 0.0, 0.0]}
 
 
-def draw_fivebar(rng: Rng) -> Machine:
+TELLS = ("share", "torque", None)
+"""What a mechanism file may say of drives that could work against each other."""
+
+
+def draw_redundant(rng: Rng, tells: str | None = "share") -> Machine:
+    """The same with a third drive, at an elbow."""
+    return draw_fivebar(rng, ["m1", "m2", "p1"], tells)
+
+
+def draw_fivebar(
+    rng: Rng, drives: Sequence[str] = ("m1", "m2"), tells: str | None = None
+) -> Machine:
     """Two arms that meet in a pin, upright; a drive at each shoulder, encoders at the elbows."""
     base, upper, lower = rng.uniform(0.8, 1.2, 3) * [200, 250, 300]
     chains = [
@@ -214,11 +255,13 @@ def draw_fivebar(rng: Rng) -> Machine:
         ends = [plain.place(plain.frames(c["dh"], q, n), [0, 0, 0]) for c in chains]
         return np.asarray((ends[0] - ends[1])[:, :2])
 
-    hanging = Hanging(chains, ["m1", "m2"], np.array([0.0, -1.0, 0.0]), closed)
+    shares = tuple(rng.uniform(0.5, 2, len(drives))) if tells else ()
+    hanging = Hanging(chains, list(drives), np.array([0.0, -1.0, 0.0]), closed, shares=shares)
     start = np.array([2.1, -1.4, 1.0, 1.4]) + 0.55 * rng.uniform(-1, 1, (TRIED, 4))
     points = [point("pin 1", "left"), point("pin 2", "right")]
     closures = [{"name": "pin", "kind": "touch", "between": ["pin 1", "pin 2"], "noise": PLAY}]
-    return hanging.machine("five-bar", rng, start, points, closures)
+    machine = hanging.machine("five-bar", rng, start, points, closures)
+    return hanging.told(machine, tells) if tells else machine
 
 
 def draw_warm_legs(rng: Rng) -> Machine:

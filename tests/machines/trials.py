@@ -32,6 +32,7 @@ MACHINES: dict[str, Callable[[Rng], Machine]] = {
     "legs": statics.draw_legs,
     "warm": arm.draw_warm,
     "warm_legs": statics.draw_warm_legs,
+    "redundant": statics.draw_redundant,
 }
 SUITES = ("clean", "effect")
 STRENGTH = (30.0, 100.0)

@@ -78,6 +78,10 @@ pub struct PyChannel {
     noise: Option<f64>,
     /// True for a joint that has no drive.
     passive: bool,
+    /// Column of the readings with the torque of its drive.
+    torque: Option<String>,
+    /// What its drive carries, in proportion to others of a loop with more drives than motions.
+    share: Option<f64>,
 }
 
 impl From<&rsicalib::mechanism::Channel> for PyChannel {
@@ -92,6 +96,8 @@ impl From<&rsicalib::mechanism::Channel> for PyChannel {
             limits: c.limits.map(Into::into),
             noise: c.noise,
             passive: c.passive,
+            torque: c.torque.clone(),
+            share: c.share,
         }
     }
 }

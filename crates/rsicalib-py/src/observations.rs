@@ -24,8 +24,6 @@ use rsicalib::report::update::Update;
 
 use rsicalib::report::warned::{self, Warned};
 use rsicalib::screening::excluded::Excluded;
-use rsicalib::terms::targets::searchable;
-use rsicalib::terms::term::Term;
 use serde::Serialize;
 
 use crate::apply::PyApplied;
@@ -165,12 +163,7 @@ impl PyObservations {
 
     /// Terms that are no candidates here, and what they need: `{id: needs}`.
     fn lacking(&self) -> HashMap<&'static str, &'static str> {
-        let Observations { mechanism, readings, .. } = &*self.observations;
-        let lacks = |term: &&'static dyn Term| match searchable(*term, mechanism, readings) {
-            Err(rsicalib::Error::Context { term, needs }) => Some((term, needs)),
-            _ => None,
-        };
-        rsicalib::terms::all(mechanism).iter().filter_map(lacks).collect()
+        rsicalib::diagnosis::lacking(&self.observations).into_iter().collect()
     }
 
     /// What effects would do in these poses: `supposed` as in `curvature@a22.c2=0.02`.

@@ -30,6 +30,8 @@ fn linkage() -> Mechanism {
         limits: None,
         noise: Some(NOISE),
         passive: false,
+        torque: None,
+        share: None,
     };
     // A fixed row leads from the base to the post; the next row is the joint.
     let chain = |name: &str, post: f64| Chain {

@@ -23,6 +23,8 @@ fn channel(name: &str) -> Channel {
         limits: None,
         noise: None,
         passive: false,
+        torque: None,
+        share: None,
     }
 }
 

@@ -23,3 +23,5 @@ pub(crate) mod stretches;
 pub mod trace;
 pub(crate) mod unknown_law;
 pub mod verdict;
+
+pub use score::candidates::lacking;

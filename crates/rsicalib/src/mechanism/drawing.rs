@@ -144,6 +144,14 @@ pub struct Channel {
     /// is in carry what it would.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "is_default"))]
     pub passive: bool,
+    /// Column of the readings with the torque of its drive, positive where the drive pushes towards
+    /// larger coordinates: the mass of a link times `length_unit`, without g.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub torque: Option<String>,
+    /// What this drive carries, in proportion to others, where a loop has more drives than motions and
+    /// these do not work against each other.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub share: Option<f64>,
 }
 
 /// The unit of a channel that reads whole codes of a converter.

@@ -202,6 +202,8 @@ impl Mechanism {
                     limits: Some(limits),
                     noise: None,
                     passive: false,
+                    torque: None,
+                    share: None,
                 });
             }
             mechanism.chains.push(Chain {

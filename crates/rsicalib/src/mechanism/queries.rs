@@ -136,7 +136,8 @@ impl Mechanism {
         let heights = self.closures.iter().filter_map(column_of);
         let points = self.points.iter().filter_map(|p| p.columns.as_ref()).flatten();
         let declared = self.columns.iter().map(|column| &column.name);
-        each_once(measured.iter().chain(heights).chain(points).chain(declared))
+        let torques = self.channels.iter().filter_map(|channel| channel.torque.as_ref());
+        each_once(measured.iter().chain(heights).chain(points).chain(declared).chain(torques))
     }
 
     /// The channels that read the length of a distance.

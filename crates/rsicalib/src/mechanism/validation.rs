@@ -323,10 +323,14 @@ fn check_channel(channel: &Channel) -> Result<(), Error> {
             return Err(refuse(place(), format!("[{low}, {high}]"), expected.into()));
         }
     }
-    match channel.noise {
-        Some(n) if !bounds::positive(n) => {
-            Err(refuse(place(), format!("noise {n}"), "a positive number".into()))
+    for (what, size) in [("noise", channel.noise), ("share", channel.share)] {
+        if let Some(size) = size.filter(|size| !bounds::positive(*size)) {
+            return Err(refuse(place(), format!("{what} {size}"), "a positive number".into()));
         }
-        _ => Ok(()),
     }
+    if channel.passive && (channel.torque.is_some() || channel.share.is_some()) {
+        let found = "torque or share, with passive = true";
+        return Err(refuse(place(), found.into(), "a joint that has a drive".into()));
+    }
+    Ok(())
 }

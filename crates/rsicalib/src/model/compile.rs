@@ -155,6 +155,9 @@ impl Model {
         let centre: Vec<f64> = self.scales.iter().map(|s| s.centre).collect();
         let mut model = Self::compile(mechanism, readings, self.instances.clone(), &centre)?;
         model.scales.clone_from(&self.scales);
+        if model.drives.is_some() {
+            model.drives = Self::drives(mechanism, readings, &self.mechanism)?;
+        }
         // Tilts count from the same axes.
         for (number, unknown) in model.unknowns.iter().enumerate() {
             let same = |u: &Unknown| u.thing == unknown.thing && u.keys == unknown.keys;
@@ -261,8 +264,9 @@ impl Model {
         model.find_patches(readings);
         let hangs = |law: &LawAt| law.term.has(Variable::Torque);
         if !model.loads.is_empty() || model.laws.iter().any(hangs) {
-            model.drives = Self::drives(mechanism, readings)?;
+            model.drives = Self::drives(mechanism, readings, mechanism)?;
         }
+        model.told_torques()?;
         model.torques = model.largest_torques(readings);
         Ok(model)
     }
@@ -570,19 +574,39 @@ impl Model {
         }
     }
 
-    /// The torques, where the mechanism has joints without a drive.
+    /// Refuses a load at a drive that may work against others.
+    fn told_torques(&self) -> Result<(), Error> {
+        let Some(drives) = &self.drives else { return Ok(()) };
+        let hidden = |i: &&Instance| drives.hide(&self.mechanism, i.term, i.target);
+        match self.instances.iter().find(hidden) {
+            Some(i) => Err(Error::Context { term: i.term.info().id, needs: SHARES }),
+            None => Ok(()),
+        }
+    }
+
+    /// The torques, where the mechanism says something of its drives; closures beyond those of `held_by`
+    /// bear nothing.
     ///
     /// # Errors
     ///
     /// Those of compiling the mechanism without any term.
-    fn drives(mechanism: &Mechanism, readings: &Readings) -> Result<Option<Drives>, Error> {
-        if !mechanism.channels.iter().any(|channel| channel.passive) {
+    pub(crate) fn drives(
+        mechanism: &Mechanism,
+        readings: &Readings,
+        held_by: &Mechanism,
+    ) -> Result<Option<Drives>, Error> {
+        if !mechanism.channels.iter().any(|channel| channel.passive || channel.torque.is_some()) {
             return Ok(None);
         }
         let drawn = Self::with_null_equations(mechanism, readings, Vec::new())?;
-        Ok(Some(drawn.drives_of_drawn(readings)))
+        let closures: Vec<&str> = held_by.closures.iter().map(|c| c.name.as_str()).collect();
+        Ok(Some(drawn.drives_of_drawn(readings, &closures)))
     }
 }
+
+/// What is lacking where a loop has more drives than motions.
+pub(crate) const SHARES: &str = "torque of drives that may work against each other: declare the `torque` column or \
+    the `share` of each";
 
 /// Refuses readings of another mechanism, and a `centre` without one reading per channel.
 fn fits(mechanism: &Mechanism, readings: &Readings, centre: &[f64]) -> Result<(), Error> {

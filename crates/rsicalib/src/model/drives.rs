@@ -1,7 +1,9 @@
 //! Torques of drives in closed loops, by sample and joint.
 
 use crate::kinematics::elements::Weight;
+use crate::mechanism::{Mechanism, Target};
 use crate::numerics::lanes::Lanes;
+use crate::terms::term::{Acts, Term};
 
 /// Torques about the joints of closed loops, in every sample of some readings.
 ///
@@ -13,12 +15,28 @@ pub(crate) struct Drives {
     torques: Vec<[Vec<Lanes>; 2]>,
     /// Of each channel the chain of its joint.
     chains: Vec<Option<usize>>,
+    /// By kind of weight, channels whose drives may work against others.
+    untold: [Vec<bool>; 2],
 }
 
 impl Drives {
     /// Torques of blocks, kinds of weight and channels.
-    pub(crate) fn new(torques: Vec<[Vec<Lanes>; 2]>, chains: Vec<Option<usize>>) -> Self {
-        Self { torques, chains }
+    pub(crate) fn new(
+        torques: Vec<[Vec<Lanes>; 2]>,
+        chains: Vec<Option<usize>>,
+        untold: [Vec<bool>; 2],
+    ) -> Self {
+        Self { torques, chains, untold }
+    }
+
+    /// True where nothing tells what a load does at a target: a loop has more drives than motions.
+    pub(crate) fn hide(&self, mechanism: &Mechanism, term: &dyn Term, target: Target) -> bool {
+        let whose = match term.acts() {
+            Acts::Load(whose) => whose,
+            _ => weight_of(mechanism),
+        };
+        let untold = |c: &usize| self.untold[whose as usize][*c];
+        term.is_load() && mechanism.channels_at(target).iter().any(untold)
     }
 
     /// The joints of a chain.
@@ -33,4 +51,12 @@ impl Drives {
     pub(crate) fn at(&self, block: usize, whose: Weight, channel: usize) -> Lanes {
         self.torques[block][whose as usize][channel]
     }
+}
+
+/// The weight that a torque is of, where a law does not say: of the links, where their masses or what
+/// drives carry is known.
+pub(crate) fn weight_of(mechanism: &Mechanism) -> Weight {
+    let mut rows = mechanism.chains.iter().flat_map(|c| &c.rows);
+    let told = mechanism.channels.iter().any(|c| c.torque.is_some());
+    if told || rows.any(|row| row.mass.is_some()) { Weight::Links } else { Weight::Tip }
 }

@@ -2,6 +2,7 @@
 
 use crate::kinematics::elements::{Axis, Way, Weight};
 use crate::mechanism::{Mechanism, Target, Variable};
+use crate::model::drives::weight_of;
 use crate::model::instance::Instance;
 use crate::numerics::lanes::Lanes;
 use crate::terms::coupled::Coupled;
@@ -35,8 +36,7 @@ impl LawAt {
         first: usize,
         session: Option<usize>,
     ) -> Vec<Self> {
-        let masses = mechanism.chains.iter().flat_map(|c| &c.rows).any(|r| r.mass.is_some());
-        let whose = if masses { Weight::Links } else { Weight::Tip };
+        let whose = weight_of(mechanism);
         let at = |part: Target| {
             let (chain, channel) = place(mechanism, part);
             let of = term.variables.iter().map(|v| number(mechanism, chain, *v)).collect();

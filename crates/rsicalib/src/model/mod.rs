@@ -28,6 +28,7 @@ mod unknown_points;
 mod workspace;
 
 pub use crate::mechanism::MOST_PARAMETERS;
+pub(crate) use compile::SHARES;
 pub use compiled::Model;
 pub use instance::Instance;
 pub(crate) use instance::{bound_to_session, place_name, places};

@@ -147,7 +147,11 @@ fn own_gain(mechanism: &Mechanism, channel: usize) -> f64 {
     mechanism.channels.get(channel).map_or(1.0, |c| parts * c.gain.abs())
 }
 
+/// True for a joint whose torque by the weights of links is known.
 fn carries_mass(mechanism: &Mechanism, channel: usize) -> bool {
+    if mechanism.channels[channel].torque.is_some() {
+        return true;
+    }
     let name = &mechanism.channels[channel].name;
     mechanism.chains.iter().any(|chain| {
         let joint = chain.rows.iter().position(|r| r.channel.as_ref() == Some(name));
@@ -166,6 +170,7 @@ const CONVERTER: &str = "channels that a converter reads, in counts or volts";
 pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> Result<(), Error> {
     let info = term.info();
     let masses = || mechanism.chains.iter().any(|c| c.rows.iter().any(|r| r.mass.is_some()));
+    let torques = || mechanism.channels.iter().any(|c| c.torque.is_some());
     let there = |needs: Needs| match needs {
         Needs::Nothing => true,
         Needs::Order => readings.timed && readings.poses() > 2,
@@ -173,7 +178,7 @@ pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> 
         Needs::Approach => (readings.held || readings.timed) && readings.poses() > 2,
         Needs::Motion => !readings.held && readings.timed,
         Needs::Gravity => mechanism.gravity.is_some(),
-        Needs::Masses => mechanism.gravity.is_some() && masses(),
+        Needs::Masses => (mechanism.gravity.is_some() && masses()) || torques(),
     };
     let lacks = |needs| Err(Error::Context { term: info.id, needs });
     match term.needs().into_iter().find(|needs| !there(*needs)) {

@@ -378,6 +378,8 @@ fn random_chain(
             limits: None,
             noise: None,
             passive: false,
+            torque: None,
+            share: None,
         });
         centre.push(q);
         rows.push(Row {

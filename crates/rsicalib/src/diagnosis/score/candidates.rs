@@ -1,10 +1,11 @@
 //! What may be missing: every term at every target that mechanism and readings allow.
 
+use crate::Error;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::{Mechanism, Target};
-use crate::model::{Instance, places};
+use crate::model::{Instance, Model, SHARES, places};
 use crate::terms;
-use crate::terms::targets::{provided, shared, targets_in};
+use crate::terms::targets::{provided, searchable, shared, targets, targets_in};
 use crate::terms::term::{Per, Placed, Role, Spot, Term};
 
 /// Named and free candidates that mechanism and readings allow.
@@ -13,6 +14,10 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
     let (mechanism, readings) = (&observations.mechanism, &observations.readings);
     let told = fit.model.told_by(readings, &observations.weights);
     let room = told.saturating_sub(fit.beta.len());
+    let drives = Model::drives(mechanism, readings, mechanism).ok().flatten();
+    let hidden = |term: &dyn Term, target: Target| {
+        drives.as_ref().is_some_and(|drives| drives.hide(mechanism, term, target))
+    };
     let mut all = Vec::new();
     for term in terms::all(mechanism) {
         let info = term.info();
@@ -26,7 +31,7 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
         }
         let single = targets_in(term, mechanism, readings).into_iter();
         for target in single.chain(shared(term, mechanism)) {
-            if !meaningful(observations, fit, term, target) {
+            if !meaningful(observations, fit, term, target) || hidden(term, target) {
                 continue;
             }
             let channel = if let Target::Channel(c) = target { c } else { 0 };
@@ -39,6 +44,24 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
         }
     }
     all
+}
+
+/// Terms that are no candidates of a session, and what they need, [`Error::Context`].
+#[must_use]
+pub fn lacking(observations: &Observations) -> Vec<(&'static str, &'static str)> {
+    let (mechanism, readings) = (&observations.mechanism, &observations.readings);
+    let drives = Model::drives(mechanism, readings, mechanism).ok().flatten();
+    let lacks = |term: &&'static dyn Term| match searchable(*term, mechanism, readings) {
+        Err(Error::Context { term, needs }) => Some((term, needs)),
+        _ => {
+            let hidden = |target: &Target| {
+                drives.as_ref().is_some_and(|drives| drives.hide(mechanism, *term, *target))
+            };
+            let some = targets(*term, mechanism).iter().any(hidden);
+            some.then_some((term.info().id, SHARES))
+        }
+    };
+    terms::all(mechanism).iter().filter_map(lacks).collect()
 }
 
 /// True where a chain carries points at several places: turned, they are not where any one shift
