@@ -8,7 +8,7 @@ use rsicalib::mechanism::{Mechanism, Row, Target, Value};
 use rsicalib::model::Spec;
 use rsicalib::readings::Table;
 use rsicalib::terms::targets::{targets, typical};
-use rsicalib::terms::term::{Class, Role, Term};
+use rsicalib::terms::term::{Class, Needs, Role, Term};
 use rsicalib::terms::{ALL, find};
 
 /// Chains of every kind: drawn as they come, with fixed first rows, with URDF rows.
@@ -106,8 +106,11 @@ fn same_points(terms: &[&'static dyn Term]) {
     }
 }
 
+/// Terms of geometry that do the same at every temperature.
 fn geometry() -> Vec<&'static dyn Term> {
-    ALL.iter().copied().filter(|t| t.info().class == Class::Geometry).collect()
+    let geometry = |t: &&dyn Term| t.info().class == Class::Geometry;
+    let always = |t: &&dyn Term| t.info().needs == Needs::Nothing;
+    ALL.iter().copied().filter(geometry).filter(always).collect()
 }
 
 #[test]
@@ -124,6 +127,19 @@ fn all_of_them_together_do_in_any_order() {
     let all = [geometry(), line.to_vec()].concat();
     same_points(&all);
     same_points(&all.into_iter().rev().collect::<Vec<_>>());
+}
+
+#[test]
+fn what_grows_with_the_temperature_is_left_out_and_said() {
+    let mechanism = Mechanism::rsi();
+    let mut applied = result(&mechanism, &[]);
+    let grown = ["link_growth@arm1/2", "distance_growth@wrist1-wrist2"];
+    applied.parameters =
+        grown.map(|spec| Reported { spec: spec.into(), name: "rate".into(), value: 1e-3 }).to_vec();
+    let found = exported(&mechanism, &applied).expect("known parameters");
+    assert_eq!(found.notes, grown.map(|spec| Note::NoPlace(spec.into())));
+    assert_eq!(found.mechanism.chains, mechanism.chains);
+    assert_eq!(found.mechanism.closures, mechanism.closures);
 }
 
 #[test]
