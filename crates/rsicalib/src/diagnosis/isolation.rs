@@ -44,6 +44,8 @@ pub struct Isolated {
     pub target: Target,
     /// Probability of a larger χ² of the rest, (73).
     pub p_value: f64,
+    /// By how much it explains more than it is charged.
+    pub gain: f64,
 }
 
 /// The channel or closure, or else the chain, that is at fault alone; none where there is
@@ -89,7 +91,7 @@ pub fn isolate<'a>(
             && sure >= SURE
         {
             let it = isolated.into_iter().find(|it| it.target == target);
-            return Ok(it.map(|Released { target, p_value, .. }| Isolated { target, p_value }));
+            return Ok(it.map(|it| it.isolated()));
         }
     }
     Ok(None)
@@ -109,7 +111,7 @@ pub fn isolated_at(
 ) -> Result<Option<Isolated>, Error> {
     let Some(mut it) = Released::of(observations, base, target)? else { return Ok(None) };
     let alone = it.closes(judge)? && !it.needs_more(judge, search)?;
-    Ok(alone.then_some(Isolated { target, p_value: it.p_value }))
+    Ok(alone.then(|| it.isolated()))
 }
 
 /// True where a closure of readings is left that a chain takes no part in: without such a one
@@ -153,6 +155,11 @@ impl<'a> Released<'a> {
         let rest = fit(&released, start.model.instances.clone(), Some(start))?;
         let (p_value, wrong) = (0.0, Vec::new());
         Ok(Some(Self { start, target, released, rest, equations, lost, p_value, wrong }))
+    }
+
+    fn isolated(&self) -> Isolated {
+        let gain = self.start.chi2 - self.left();
+        Isolated { target: self.target, p_value: self.p_value, gain }
     }
 
     /// χ² with what is paid for it.

@@ -25,8 +25,12 @@ pub enum Residual {
     Unjudged,
     /// No more than noise, but the effects found may stand for another.
     Doubtful(Doubted),
-    /// No more than noise, but a law that no term has explains it better than the effects found.
+    /// No more than noise, but a law that no term has explains it better than the effects found, or
+    /// than none.
     UnknownLaw(UnknownLaw),
+    /// More than noise: errors of one channel that follow a law which no term has, likelier than
+    /// all below.
+    Follows(UnknownLaw),
     /// One channel, closure or chain is at fault alone, by a law that no term has.
     Isolated {
         /// What is at fault.
@@ -75,23 +79,13 @@ pub enum Share {
 pub fn residual(traced: &Traced, rises: &[f64]) -> Residual {
     let p_value = traced.p_value;
     if p_value.is_some_and(|p| p <= LEVEL) {
-        return match &traced.isolated {
-            Some(isolated) => {
-                let location = match isolated.target {
-                    Target::Channel(channel) => location(traced, channel),
-                    _ => Location::default(),
-                };
-                let (target, p_value) = (isolated.target, isolated.p_value);
-                Residual::Isolated { target, location, p_value }
-            }
-            None => louder(traced).unwrap_or_else(|| Residual::Structure(locate(traced))),
-        };
+        return left_over(traced);
     }
     let found: Vec<Instance> = traced.found.iter().map(|found| found.instance).collect();
     if let Some(doubted) = doubt(&traced.small.mechanism, &found, rises) {
         return Residual::Doubtful(doubted);
     }
-    if let Some(law) = traced.unknown.as_ref().filter(|law| law.better()) {
+    if let Some(law) = traced.unknown.as_ref().filter(|law| law.is_said()) {
         return Residual::UnknownLaw(law.clone());
     }
     match p_value {
@@ -100,14 +94,41 @@ pub fn residual(traced: &Traced, rises: &[f64]) -> Residual {
     }
 }
 
+/// What is left where more is left than noise: the likeliest of a law, of whatever is at fault alone, of
+/// larger noise, and of scatter of a channel.
+fn left_over(traced: &Traced) -> Residual {
+    let law = traced.unknown.as_ref().filter(|law| law.behind < 0.0);
+    let gain = law.map_or(0.0, |law| -law.behind);
+    // Beside effects that were found, nothing is known of what the law gains over the isolated target.
+    let isolated = traced.isolated.as_ref().filter(|isolated| {
+        let same = law.is_some_and(|law| law.target == isolated.target);
+        same || !traced.found.is_empty() || isolated.gain >= gain
+    });
+    if let Some(isolated) = isolated {
+        let location = match isolated.target {
+            Target::Channel(channel) => location(traced, channel),
+            _ => Location::default(),
+        };
+        let (target, p_value) = (isolated.target, isolated.p_value);
+        return Residual::Isolated { target, location, p_value };
+    }
+    // Scatter of the channel that the law is of speaks for both.
+    let of_law = |c: &usize| law.is_some_and(|law| law.target == Target::Channel(*c));
+    let (own, others): (Vec<usize>, Vec<usize>) =
+        (0..traced.small.mechanism.channels.len()).partition(of_law);
+    let scatter = |of: &[usize]| of.iter().map(|&c| rise(traced, c)).fold(0.0, f64::max);
+    let (own, others) = (gain.max(scatter(&own)), scatter(&others));
+    louder(traced, own.max(others))
+        .or_else(|| law.filter(|_| own > others).map(|law| Residual::Follows(law.clone())))
+        .unwrap_or_else(|| Residual::Structure(locate(traced)))
+}
+
 /// What is left as so many times the declared noise, where nothing bears that out and no channel
-/// explains what is left as well by (75).
-fn louder(traced: &Traced) -> Option<Residual> {
+/// explains what is left as well, by `best`.
+fn louder(traced: &Traced, best: f64) -> Option<Residual> {
     let [chi2, dof] = traced.judge.left.filter(|_| traced.found.is_empty())?;
     let scale = chi2 / dof;
     let alike = chi2 - chi2 / scale - dof * scale.ln();
-    let channels = 0..traced.small.mechanism.channels.len();
-    let best = channels.map(|c| rise(traced, c)).fold(0.0, f64::max);
     (alike > best + AS_WELL).then_some(Residual::Louder { factor: scale.sqrt() })
 }
 

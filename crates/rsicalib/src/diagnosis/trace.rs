@@ -233,10 +233,15 @@ fn explain(
     let judge = averaged.judge(&current);
     let effects: Vec<Scored> = steps.iter().map(|step| step.scored).collect();
     let left_over = after.p_value.is_some_and(|p| p <= LEVEL);
-    let unknown = match effects.is_empty() && (lost || !left_over) {
-        true => None,
-        false => averaged.unknown_law(&current, &effects)?,
+    let something = left_over || !effects.is_empty();
+    // In a recording the noise of neighbours is alike, which a smooth law would explain.
+    let unknown = match (!lost || !effects.is_empty()) && (something || observations.readings.held)
+    {
+        true => averaged.unknown_law(&current, &effects)?,
+        false => None,
     };
+    // Where nothing is found and nothing is left, the law must be likelier than chance.
+    let unknown = unknown.filter(|law| something || law.behind < 0.0);
     let Averaged { small, stretches, .. } = averaged;
     let of_all = |step: &FoundEffect| match &stretches {
         Some(stretches) => rise(&after, &stretches.in_all(&step.scored.instance)),

@@ -155,7 +155,8 @@ pub struct Evidence {
     pub chi2_per_dof: Option<f64>,
     /// True where effects were found.
     pub found: bool,
-    /// True where the effects found may stand for another.
+    /// True where the effects found may stand for another, or, where there are none, a law that no term
+    /// has is likelier than chance.
     pub doubtful: bool,
     /// Error on poses left out in turn.
     pub held_out: Option<HeldOut>,
@@ -202,6 +203,8 @@ pub enum Why {
     Residual,
     /// The effects found may stand for another that no term has.
     Doubtful,
+    /// No more is left than chance leaves, but a law that no term has is likelier than chance.
+    UnknownLaw,
     /// Loops of the known poses do not close as those of the session do.
     OpenLoops,
     /// Known poses are off by more than the calibration predicts.
@@ -378,7 +381,7 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
     });
     let residual = evidence.p_value.filter(|p| *p <= LEVEL);
     let residual = residual.map(|p| Reason { p_value: Some(p), ..Reason::of(Why::Residual) });
-    let doubtful = evidence.found && evidence.doubtful;
+    let doubtful = if evidence.found { Why::Doubtful } else { Why::UnknownLaw };
     let declared = Reason::worse(Why::CheckDeclared, evidence.check_declared);
     let open_loops = evidence.open_loops.map(|OpenLoops { rms_misclosure, own, p_value }| Reason {
         found: Some(rms_misclosure),
@@ -397,7 +400,7 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
         residual,
         held_out,
         Reason::worse(Why::HeldOutBefore, found(evidence.held_out_before)),
-        doubtful.then(|| Reason::of(Why::Doubtful)),
+        evidence.doubtful.then(|| Reason::of(doubtful)),
     ]
     .into_iter()
     .flatten()

@@ -215,7 +215,7 @@ impl Left {
             Residual::Noise { .. } => Self::Noise,
             Residual::Unjudged => Self::Unjudged,
             Residual::Doubtful(_) | Residual::UnknownLaw(_) => Self::Doubtful,
-            Residual::Isolated { .. } => Self::OneTarget,
+            Residual::Isolated { .. } | Residual::Follows(_) => Self::OneTarget,
             Residual::Louder { .. } => Self::DeclaredNoise,
             Residual::Structure(_) => Self::Structure,
         }

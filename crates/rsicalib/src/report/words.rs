@@ -529,8 +529,19 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
             (Some(target), format!("nothing left above the noise, but {text}"))
         }
         Residual::UnknownLaw(law) => {
-            let text = "nothing left above the noise, but what was found may stand for a law that \
-                        no term has";
+            let text = match law.replaces.is_empty() {
+                true => {
+                    "no more left than the noise that is declared, but a part of it is no chance"
+                }
+                false => {
+                    "nothing left above the noise, but what was found may stand for a law that no \
+                     term has"
+                }
+            };
+            (Some(law.target.name(mechanism)), text.into())
+        }
+        Residual::Follows(law) => {
+            let text = "structure is left that no effect of the catalogue explains";
             (Some(law.target.name(mechanism)), text.into())
         }
         Residual::Isolated { target, location: at, p_value } => {

@@ -76,6 +76,13 @@ impl UnknownLaw {
         self.behind < -AS_WELL
     }
 
+    /// True where what was found is not said without it: the law fits better than effects do, or is
+    /// likelier than nothing.
+    #[must_use]
+    pub fn is_said(&self) -> bool {
+        self.better() || (self.replaces.is_empty() && self.behind < 0.0)
+    }
+
     /// True for an effect that is not in what is likeliest: the law stands in its place, and holds
     /// nothing of it.
     #[must_use]
