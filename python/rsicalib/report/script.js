@@ -26,7 +26,7 @@
     });
     each("[data-now]", (cell) => {
       const now = fit.error[3];
-      write(cell, !now || now === full.error[3] ? cell.dataset.now : now, cell.dataset.now);
+      write(cell, now === full.error[3] ? cell.dataset.now : now || "–", cell.dataset.now);
     });
     [["value", 0], ["half", 1]].forEach(([kind, at]) => each(`[data-${kind}]`, (cell) => {
       const of = (one) => (one.parameters[cell.dataset[kind]] || ["–", "–"])[at];

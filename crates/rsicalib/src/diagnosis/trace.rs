@@ -110,6 +110,12 @@ impl Traced {
         Stretches::in_session(self.stretches.as_ref(), instance)
     }
 
+    /// True where more than noise is left of a session in which no effect was found.
+    #[must_use]
+    pub fn is_unexplained(&self) -> bool {
+        self.found.is_empty() && self.p_value.is_some_and(|p| p <= LEVEL)
+    }
+
     /// The session and the fit to judge and to draw by: where the search was by stretches, those of
     /// all rows.
     #[must_use]
@@ -207,6 +213,7 @@ fn explain(
     let Search { averaged, searched: pursued, isolated, all: of_all } = searched;
     let Searched { current, found, poses, left, scores, rivals } = pursued;
     excluded.extend(poses.iter().map(|step| averaged.excluded(step)));
+    let said: Vec<Scored> = found.iter().map(|step| step.scored).chain(poses).collect();
     let (mut steps, mut bad) = (Vec::new(), Vec::new());
     for step in found {
         match scored::is_data(&step.scored.instance) {
@@ -231,11 +238,10 @@ fn explain(
         }
     };
     let judge = averaged.judge(&current);
-    let effects: Vec<Scored> = steps.iter().map(|step| step.scored).collect();
     let left_over = after.p_value.is_some_and(|p| p <= LEVEL);
-    let unknown = match effects.is_empty() && (lost || !left_over) {
+    let unknown = match steps.is_empty() && (lost || !left_over) {
         true => None,
-        false => averaged.unknown_law(&current, &effects)?,
+        false => averaged.unknown_law(&current, &said)?,
     };
     let Averaged { small, stretches, .. } = averaged;
     let of_all = |step: &FoundEffect| match &stretches {
