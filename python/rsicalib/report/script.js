@@ -110,7 +110,7 @@
       (k === named && share === 1); });
     const between = (a, b) => a.map((v, k) => share * v + (1 - share) * b[k]);
     const mixed = (a, b) => a.map((v, k) => between(v, b[k]));
-    const error = [`${chi2.toPrecision(3)} / ${found.error[0].split(" / ")[1]}`];
+    const error = share === 1 ? [...found.error] : [`${chi2.toPrecision(3)} / ${found.error[0].split(" / ")[1]}`];
     const known = found.known && none.known && mixed(found.known, none.known);
     const size = (rows) => Math.sqrt(rows.flat().reduce((sum, v) => sum + v * v, 0));
     if (found.error[3] && known && share !== 1 && size(found.known) > 0) {
