@@ -191,8 +191,9 @@ def _label(chart: Chart, rows: FloatArray, far: dict[tuple[int, int], str], boun
     """Write what the worst dots are, where fewest others lie, never over one another."""
     taken: list[tuple[float, float, float]] = []
     width = chart.canvas.width
-    across = np.repeat(chart.x(np.arange(1.0, len(rows) + 1.0)), rows.shape[1])
-    up = chart.y(np.clip(np.nan_to_num(rows), -bound, bound)).ravel()
+    inside = np.clip(np.nan_to_num(rows), -bound, bound).tolist()
+    dots = [chart.at((pose + 1, value)) for pose, row in enumerate(inside) for value in row]
+    across, up = np.array(dots).T
     for (pose, e), words in far.items():
         value = float(rows[pose][e])
         x, y = chart.at((pose + 1, min(max(value, -bound), bound)))
