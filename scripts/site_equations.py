@@ -1,20 +1,33 @@
 """A hook of mkdocs: the equations of the model as MathML, which a browser typesets by itself.
 
-In `docs/model.md` equations are text that reads the same in an editor; on the site they have
-subscripts, superscripts, fractions and roots, without a script and without a network.
+In `docs/model.md` equations and symbols are text that reads the same in an editor; on the site
+they have subscripts, superscripts, fractions and roots, without a script and without a network. So
+have the laws in the sentences of the pages of terms.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from html import escape
 from typing import Any
 
-__all__ = ["mathml", "on_page_markdown", "typeset"]
+__all__ = ["is_law", "is_symbol", "mathml", "on_page_markdown", "typeset"]
 
-PAGES = {"model.md"}
+SYMBOLS = "model.md"
+"""The page of equations, where a letter between backticks is a symbol."""
 
-BLOCK = re.compile(r"^```text\n(.*?)^```$", re.M | re.S)
+LAWS = re.compile(r"terms(?:/\w+)?\.md")
+"""Pages where a letter may be the name of a parameter, and laws are formulas."""
+
+PART = re.compile(r"^```(\w*)\n(.*?)^```$|^#[^\n]*$|(?<!`)`([^`\n]+)`(?!`)", re.M | re.S)
+"""A block with its language, a heading, or what stands between backticks."""
+
+CODE = re.compile(r"[@:\"\\]|\w\[|--|\.[A-Za-z]|[a-z]{2}/")
+"""Signs of what is typed and not read."""
+
+LAW = re.compile(r" [-+] |[²³√·]|[α-ω]|\b(?:sin|cos) ")
+"""Signs of a law."""
 
 FUNCTIONS = set(
     "sin cos asin acos atan2 min max argmin ln exp diag tr det rank var cov Var mean data".split()
@@ -40,18 +53,60 @@ TOKEN = re.compile(
     re.X,
 )
 SCRIPTS = re.compile(rf"([{''.join(LOWERED)}]*)([{''.join(RAISED)}]*)(_{SUB})?")
-SYMBOL = re.compile(r"[kaθ]ij|[xyzr]H|R[xyz]")
+POWER = re.compile(r"\^([-−]?[A-Za-z0-9½])")
+"""A power of one letter or number."""
+
+SYMBOL = re.compile(r"[kaθ]ij|[xyzr]H|[RT][xyz]")
 """Words that are a letter with an index."""
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Typeset the equations of a page of them."""
-    return typeset(markdown) if page.file.src_uri in PAGES else markdown
+    """Typeset the equations, and what stands for them in sentences."""
+    name = page.file.src_uri
+    if name == SYMBOLS:
+        return typeset(markdown, is_symbol)
+    return typeset(markdown, is_law) if LAWS.fullmatch(name) else markdown
 
 
-def typeset(markdown: str) -> str:
-    """A page with its blocks of equations as MathML."""
-    return BLOCK.sub(lambda found: _block(found[1]), markdown)
+def typeset(markdown: str, is_formula: Callable[[str], bool]) -> str:
+    """A page with its equations as MathML, and with the formulas of its sentences and tables."""
+
+    def part(found: re.Match[str]) -> str:
+        language, block, inline = found.groups()
+        if block is not None and language == "text" and is_formula is is_symbol:
+            return _block(block)
+        if inline is None or not is_formula(inline):
+            return found[0]
+        # An upright line would end the cell of a table.
+        inner = mathml(inline).replace("|", "&#124;")
+        said = escape(inline).replace("|", "&#124;")
+        return f'<math alttext="{said}"><mrow>{inner}</mrow></math>'
+
+    return PART.sub(part, markdown)
+
+
+def is_symbol(text: str) -> bool:
+    """True for a symbol, or a formula of symbols: no word of it is code.
+
+    Examples
+    --------
+    >>> [is_symbol(text) for text in ("θ_off", "L Lᵀ = S", "sin nφ", "rivals", "model/laws.rs")]
+    [True, True, True, False, False]
+    """
+    words = re.findall(r"(?<![A-Za-z_])[A-Za-z]{2,}", text)
+    named = (w in FUNCTIONS or SYMBOL.fullmatch(w) or (w.isupper() and len(w) == 2) for w in words)
+    return all(named) and not CODE.search(text)
+
+
+def is_law(text: str) -> bool:
+    """True for a law, which may have parameters that are words.
+
+    Examples
+    --------
+    >>> [is_law(text) for text in ("c2 u²", "1 + rate t", "a sin φ + b cos φ", "c2", "a + b@a22")]
+    [True, True, True, False, False]
+    """
+    return bool(LAW.search(text)) and not CODE.search(text)
 
 
 def _block(text: str) -> str:
@@ -81,7 +136,7 @@ def mathml(text: str) -> str:
     '<msqrt><mi>a</mi><mo>+</mo><mn>1</mn></msqrt>'
     """
     out: list[str] = []
-    at = 0
+    at, text = 0, re.sub(rf"(?<=[{LETTER}])¯", "\u0304", text)
     while at < len(text):
         if text[at] == "√" and (inner := _group(text, at + 1)):
             out.append(f"<msqrt>{mathml(inner)}</msqrt>")
@@ -90,6 +145,10 @@ def mathml(text: str) -> str:
         if text[at] == "^" and (inner := _group(text, at + 1)):
             out.append(f"<msup>{out.pop()}<mrow>{mathml(inner)}</mrow></msup>")
             at += len(inner) + 3
+            continue
+        if power := POWER.match(text, at):
+            out.append(f"<msup>{out.pop()}<mrow>{mathml(power[1])}</mrow></msup>")
+            at = power.end()
             continue
         token = TOKEN.match(text, at)
         assert token is not None

@@ -41,13 +41,48 @@ def strip(result: Calibration | Trace) -> str:
     return said[1] if said else ""
 
 
-def test_where_no_explanation_holds_the_strip_says_so() -> None:
+def test_what_no_effect_explains_has_its_probabilities() -> None:
+    """Play of the handle is random from pose to pose: it follows no law, and is of one arm."""
     left = SESSIONS["unexplained"]()
-    assert left.evidence is not None and not left.rivals
-    tried = len(left.evidence.left)
-    assert strip(left) == (
-        f"an effect that is not known, at arm3: none of the {tried} that were tried holds"
-    )
+    assert left.evidence is not None and not left.steps
+    kinds = [{name.term for name in rival.terms} for rival in left.rivals]
+    assert all(kind <= {"unknown_noise", "unknown_law"} for kind in kinds) and len(kinds) > 1
+    assert sum(rival.probability for rival in left.rivals) == pytest.approx(1.0)
+    # Likelihood ratios of prices.
+    prices = np.array([rival.chi2_penalised for rival in left.rivals])
+    likely = np.exp(-0.5 * (prices - prices.min()))
+    found = [rival.probability for rival in left.rivals]
+    np.testing.assert_allclose(found, likely / likely.sum(), rtol=1e-9)
+    said = strip(left)
+    assert all(words in said for words in ("no law, of arm3", "%"))
+    assert any("unknown_noise" in kind for kind in kinds[:1]), "what is random follows no law"
+
+
+def test_a_law_that_no_term_has_is_fitted_as_such() -> None:
+    """Its likeliest errors, taken off the readings, leave less than what was found."""
+    found = SESSIONS["partly"]()
+    assert found.evidence is not None
+    known = {one.kind: one for one in found.evidence.hypotheses}
+    law, named = known["unknown_law"], known["found"]
+    assert found.rivals[0].terms[0].term == "unknown_law"
+    assert law.fit.chi2 < named.fit.chi2 < known["nothing"].fit.chi2
+    # It costs parameters, as far as data tell of them.
+    assert law.fit.dof < named.fit.dof + 5
+    assert law.check is None and not law.known
+    page = found.report()
+    chosen = found.evidence.hypotheses.index(law)
+    assert re.search(rf'data-choose="{chosen}">.{{,60}}a law that no term has, of sensor a12', page)
+
+
+def test_a_recording_has_hypotheses_too() -> None:
+    found = SESSIONS["recording"]()
+    assert found.evidence is not None and found.readings.samples == 4000
+    kinds = [one.kind for one in found.evidence.hypotheses]
+    assert kinds[:3] == ["nothing", "found", "rival"]
+    assert 'data-choose="1"' in found.report()
+
+
+def test_where_no_explanation_was_weighed_the_strip_says_so() -> None:
     few = rsicalib.simulate(poses=6, seed=1)
     undetermined = rsicalib.trace(few.readings, rest=few.rest)
     assert undetermined.verdict == "undetermined"
@@ -74,8 +109,8 @@ def test_a_law_that_no_term_has_is_a_line_through_the_dots_and_can_be_chosen() -
     fits = [found.evidence.hypotheses[kinds.index([k])].fit for k in ("free_curve", "curvature")]
     assert chi2[0] - chi2[1] == pytest.approx(fits[0].chi2 - fits[1].chi2, abs=1.0)
     page = found.report()
-    assert "a law that no term has (any curve)" in page
-    chosen = kinds.index(["free_curve"])
+    assert "a smooth curve of any shape" in page
+    chosen = kinds.index(["unknown_law"])
     assert re.search(rf'data-choose="{chosen}">.{{,60}}a law that no term has, of sensor a22', page)
 
 

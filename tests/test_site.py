@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
+from html import unescape
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from scripts.site_equations import mathml, typeset
+from scripts.site_equations import is_law, is_symbol, mathml, typeset
 from scripts.site_links import on_page_markdown
 
 
@@ -44,13 +45,14 @@ def letters(text: str) -> list[str]:
         .replace("¼", "14")
         .replace("−", "-")
         .replace("<=", "≤")
+        .replace("\u0304", "¯")
     )
     return sorted(re.sub(r"[\s\u00a0_{}√^]", "", text))
 
 
 def test_every_equation_of_the_model_is_typeset_and_nothing_of_it_is_lost() -> None:
     blocks = re.findall(r"^```text\n(.*?)^```$", MODEL, flags=re.M | re.S)
-    page = typeset(MODEL)
+    page = typeset(MODEL, is_symbol)
     assert "```text" not in page
     drawn = re.findall(r'<div class="equations">(.*?)</div>', page)
     assert len(drawn) == len(blocks) > 50
@@ -69,9 +71,34 @@ def test_every_equation_of_the_model_is_typeset_and_nothing_of_it_is_lost() -> N
     assert len(numbers) == len(set(numbers)) + 1 and numbers.count("10") == 2
 
 
+def test_every_symbol_in_a_sentence_of_the_model_is_typeset_and_no_code_is() -> None:
+    plain = re.sub(r"^```.*?^```$|^#[^\n]*$", "", MODEL, flags=re.M | re.S)
+    spans = re.findall(r"`([^`\n]+)`", plain)
+    page = typeset(MODEL, is_symbol)
+    drawn = re.findall(r'<math alttext="([^"]*)"><mrow>(.*?)</mrow></math>(?!</div>)', page)
+    left = [text for text in spans if f"`{text}`" in page]
+    # Greek letters, superscripts and signs are of formulas; files, commands and keys have none.
+    formula = re.compile(r"[α-ωΑ-Ω²⁻ᵀ₀-₉∂̂̄√×·]|^[A-Za-z](_[a-z]+)?$")
+    assert [text for text in left if formula.search(text) and " sd" not in text] == []
+    assert len(drawn) + len(left) == len(spans) and len(drawn) > 300
+    for said, inner in drawn:
+        words = unescape(said)
+        found = ElementTree.fromstring(f"<math>{inner}</math>")  # well-formed
+        sides = [letters(t.replace(",", "")) for t in (words, "".join(found.itertext()))]
+        written, drawn_in = (Counter(side) for side in sides)
+        assert not drawn_in - written and set(written - drawn_in) <= set("()"), said
+
+
+def test_laws_of_terms_are_typeset_and_names_of_parameters_are_not() -> None:
+    page = typeset("Adds `c2 u²`, where `c2` and `1 + rate t` of `rate@a22`.", is_law)
+    assert page.count("<math") == 2
+    assert "`c2`" in page and "`rate@a22`" in page
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
+        ("S^½", "<msup><mi>S</mi><mrow><mfrac><mn>1</mn><mn>2</mn></mfrac></mrow></msup>"),
         ("θz", "<msub><mi>θ</mi><mi>z</mi></msub>"),
         ("xH2", "<msub><mi>x</mi><mrow><mi>H</mi><mn>2</mn></mrow></msub>"),
         ("Σ⁻¹", "<msup><mi>Σ</mi><mrow><mo>−</mo><mn>1</mn></mrow></msup>"),

@@ -346,3 +346,28 @@ def test_zsh_offers_what_bash_does_also_where_nothing_has_set_completion_up(tmp_
         )
         # The editor of zsh keeps those that begin with what is there.
         assert expected in done.stdout.split() and done.stderr == ""
+
+
+def test_a_table_that_is_too_wide_is_narrowed_and_not_torn() -> None:
+    rows = [
+        "parameter                          last     ± 95 %     per year     ± 95 %",
+        "offset@a11                       3.6058     0.0036          1.2        4.1",
+        "gain@a13                     -0.0014604  0.0000019     -0.00001    0.00067",
+    ]
+    text = "\n".join(["arm 7: 3 results", "", *rows, "", "drifts beyond chance: none"])
+    assert folded(text, 80) == text
+    narrow = folded(text, 60).split("\n")
+    assert len(narrow) == len(text.split("\n")) and max(map(len, narrow)) <= 60
+    for row, told in zip(rows, narrow[2:5], strict=True):
+        assert re.split(r" {2,}", told) == re.split(r" {2,}", row)
+    # Ends of columns stay one below the other.
+    assert len({len(row) for row in narrow[2:5]}) == 1
+
+
+def test_no_line_ends_beside_a_plus_minus() -> None:
+    text = "a12 has changed since 0 s: offset by 0.0324 ± 0.002 rad, the platform by 0.029"
+    for width in range(30, 80):
+        assert not any(
+            line.endswith("±") or line.strip().startswith("±")
+            for line in folded(text, width).split("\n")
+        )

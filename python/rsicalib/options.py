@@ -99,6 +99,8 @@ NUMBERS: dict[str, Bounds] = {
     "trials": Bounds(2, 10_000_000),
     # Threads of one process: no machine has more processors.
     "workers": Bounds(1, 1024),
+    # Reports of single devices of a fleet: a page lists so many.
+    "reports": Bounds(0, 200),
     # For one device: nobody waits for longer than a day.
     "time_limit": Bounds(0, 86_400, "a number of seconds", whole=False, above=True),
     # A monitor takes two MB.

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import difflib
 import re
+import textwrap
 import unicodedata
 from collections.abc import Iterable
+from typing import Any
 
-__all__ = ["counted", "encodable", "meant", "printable", "quoted", "shortened"]
+__all__ = ["counted", "encodable", "meant", "printable", "quoted", "shortened", "wrapped"]
 
 LINE = 40
 """Longer values are cut in messages."""
@@ -96,6 +98,18 @@ def meant(name: str, known: Iterable[str]) -> str:
 def shortened(message: str) -> str:
     """A message whose long words, and long texts in quotation marks, are cut: no one reads them."""
     return LONG.sub(lambda found: f"{found[0][:WORD]}... ({len(found[0])} characters)", message)
+
+
+def wrapped(text: str, width: int, **how: Any) -> list[str]:
+    """Text in lines of so many columns, as `textwrap.wrap`; no line ends beside a ±.
+
+    Examples
+    --------
+    >>> wrapped("an offset of 0.3 ± 0.1 rad", 18)
+    ['an offset of', '0.3 ± 0.1 rad']
+    """
+    lines = textwrap.wrap(text.replace(" ± ", "\u00a0±\u00a0"), width, **how)
+    return [line.replace("\u00a0±\u00a0", " ± ") for line in lines]
 
 
 def _written(character: str) -> str:

@@ -27,7 +27,7 @@ import rsicalib
 from rsicalib.facts.records import plain
 from rsicalib.planning.further import explanations, words
 from rsicalib.planning.plan import Plan, plan
-from rsicalib.report.words import UNKNOWN
+from rsicalib.report.words import NO_TERM
 from tests import oracle
 from tests.blind import effects as catalogue
 from tests.blind import simulator
@@ -286,7 +286,7 @@ def leaves_little(it: Tie, scene: Scene, terms: Sequence[Any]) -> bool:
     specs = [t.term if t.target is None else f"{t.term}@{t.target}" for t in terms]
     if specs == [f"{it.effect.term}@{it.effect.target}"]:
         return True
-    if any(t.place or t.term == UNKNOWN for t in terms):
+    if any(t.place or t.term in NO_TERM for t in terms):
         return False
     return left(it, scene, specs) < RIGHT * left(it, scene, [])
 

@@ -294,6 +294,8 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--time-limit", metavar="SECONDS", type=parsed("time_limit"), help=words)
     words = "what the devices share: errors of the drawing, a prior for the next device"
     sub.add_argument("--population", action="store_true", help=words)
+    words = "devices with a report of their own: those that stand out most (10)"
+    sub.add_argument("--reports", metavar="N", type=parsed("reports"), help=words)
     words = "folder for fleet.parquet and fleet.html"
     sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
 

@@ -7,11 +7,11 @@ import errno
 import os
 import re
 import sys
-import textwrap
 import unicodedata
+from itertools import groupby
 from typing import TextIO
 
-from rsicalib.plain_text import printable
+from rsicalib.plain_text import printable, wrapped
 
 __all__ = ["columns_of", "emit", "folded", "is_of_streams", "open_streams", "say", "silence"]
 
@@ -80,7 +80,29 @@ def folded(text: str, width: int) -> str:
               each of the
               channels
     """
-    return "\n".join(part for line in text.split("\n") for part in _folded(line, width))
+    lines = (line for part in _parts(text.split("\n")) for line in _narrowed(part, width))
+    return "\n".join(part for line in lines for part in _folded(line, width))
+
+
+TABLE = re.compile(r"\S {2,}\S.*\S {2,}\S")
+"""A row of a table: two gaps at least."""
+
+
+def _parts(lines: list[str]) -> list[list[str]]:
+    """The lines, rows of one table together."""
+    return [list(rows) for _, rows in groupby(lines, lambda line: bool(TABLE.search(line)))]
+
+
+def _narrowed(lines: list[str], width: int) -> list[str]:
+    """A table with gaps of two columns, where it is too wide and so fits; else the lines."""
+    longest = max(map(len, lines))
+    if longest <= width or not all(map(TABLE.search, lines)):
+        return lines
+    blank = [all(line[k : k + 1] in ("", " ") for line in lines) for k in range(longest)]
+    inside = blank.index(False)
+    kept = [k for k in range(longest) if k < max(inside, 2) or not all(blank[k - 2 : k + 1])]
+    narrow = ["".join(line[k] for k in kept if k < len(line)) for line in lines]
+    return narrow if len(kept) <= width else lines
 
 
 def _folded(line: str, width: int) -> list[str]:
@@ -92,7 +114,7 @@ def _folded(line: str, width: int) -> list[str]:
         left = len(line) - len(line.lstrip(" ")) + 2
     # What is a comment stays one.
     indent = f"#{' ' * (left - 1)}" if line.startswith("#") else " " * left
-    return textwrap.wrap(
+    return wrapped(
         line,
         width,
         subsequent_indent=indent,

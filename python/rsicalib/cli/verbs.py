@@ -284,6 +284,7 @@ def fleet(args: Args) -> int:
     names = "mechanism out by terms closures noise trace held_out workers dask resume population "
     names += "time_limit"
     options = {name: getattr(args, name) for name in names.split()}
+    options |= {} if args.reports is None else {"reports": args.reports}
     with progress_of(args) or contextlib.nullcontext() as line:
         told = None if line is None else line.counted
         found = calibrate_fleet(args.dataset, **options, progress=told)
@@ -389,13 +390,17 @@ def watch(args: Args) -> int:
     line = None if args.readings == "-" or args.follow else progress_of(args)
     if line is not None:
         watching.heard = line.rows
+    in_words = not (args.json or args.quiet)
+    # A person who sees both has the words.
+    as_data = not (in_words and sys.stdout.isatty() and sys.stderr.isatty())
     with line or contextlib.nullcontext(), contextlib.suppress(KeyboardInterrupt):
         for alarm in watching:
             if line is not None:
                 line.clear()
-            emit(json.dumps(plain(alarm), ensure_ascii=False) + "\n")
-            sys.stdout.flush()
-            if not (args.json or args.quiet):
+            if as_data:
+                emit(json.dumps(plain(alarm), ensure_ascii=False) + "\n")
+                sys.stdout.flush()
+            if in_words:
                 say(alarm.text(), sys.stderr)
     found = watching.summary()
     if args.json:

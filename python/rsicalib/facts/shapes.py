@@ -191,6 +191,10 @@ class Worst(Record):
     """Predicted standard deviation of that [length unit]."""
     p_value: float
     """Probability that one of so many poses is as improbable by chance."""
+    orientation_rms: float | None = None
+    """Error of its orientation, root mean square of the three angles [rad]."""
+    orientation_sd: float | None = None
+    """Predicted standard deviation of that [rad]."""
 
 
 @dataclass(frozen=True)
@@ -706,7 +710,8 @@ class Rival(Together, Record):
     """Effects that explain a session together, nearly as well as the best do."""
 
     terms: tuple[Name, ...]
-    """The effects."""
+    """The effects: `unknown_law` is a law that no term has, `unknown_noise` errors that follow
+    none."""
     chi2_penalised: float
     """Price of the explanation: χ² by the noise that may be, with what its effects, their places
     and wrong readings cost."""
@@ -1094,7 +1099,7 @@ class Evidence(Record):
     switchboard: Switchboard | None
     """The fits with and without each suspect; null where nothing is suspected."""
     hypotheses: tuple[Hypothesis, ...]
-    """What could be the matter, nothing first, each fitted: empty where nothing was found."""
+    """What could be the matter, nothing first, each fitted: empty where nothing is."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -22,7 +22,7 @@ from rsicalib.io.tables import Table, text
 from rsicalib.options import names, number
 from rsicalib.work.arguments import Bare, MechanismArg, noise_of_channels, open_mechanism
 
-__all__ = ["REST", "Device", "calibrate_devices", "devices_of", "digests", "without"]
+__all__ = ["REST", "Device", "calibrate_devices", "devices_of", "digests", "one_device", "without"]
 
 NUMBERS = ("poses", "samples", "chi2", "dof", "p_value", "rms_misclosure")
 """Columns of the results that hold numbers, beside the parameters."""
@@ -156,6 +156,24 @@ def without(frame: Columns, by: str, labels: set[Any]) -> Columns:
     """A table without the rows of some devices."""
     devices = runs_of(_cells(frame[by])).items()
     return select(frame, (run for label, runs in devices if label not in labels for run in runs))
+
+
+def one_device(
+    frame: Columns, rest: Columns | None, by: str, label: Any
+) -> tuple[Columns, Columns | None]:
+    """The readings of one device, and those of its rest pose, as tables of their own."""
+
+    def own(rows: Columns | None) -> Columns | None:
+        runs = runs_of(_cells(rows[by])) if rows is not None and by in rows else {}
+        if rows is None or label not in runs:
+            return None
+        return {n: cells for n, cells in select(rows, runs[label]).items() if n != by}
+
+    poses, at_rest = _rest_rows(frame, by)
+    resting = own(at_rest) or own(rest)
+    if resting is not None:
+        resting = {name: cells for name, cells in resting.items() if name != "pose"}
+    return own(poses) or {}, resting
 
 
 @dataclass(frozen=True)

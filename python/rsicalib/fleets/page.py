@@ -51,6 +51,7 @@ def page(
     together: Sequence[str] = (),
     at: Path | None = None,
     shifts: Sequence[Mapping[str, Any]] = (),
+    reports: Mapping[str, str] | None = None,
 ) -> str:
     """Write the page as one HTML file that needs no network.
 
@@ -68,6 +69,9 @@ def page(
         Folder that the page is for: files of devices are links from there.
     shifts : sequence of dict
         How far parameters are from the drawing, and how much they differ, as `first_line` tells.
+
+    reports : mapping of str to str, optional
+        Of some devices the report, from the folder of the page.
 
     Returns
     -------
@@ -87,7 +91,7 @@ def page(
         *(f"<p>{escape(line)}</p>" for line in together),
         _verdicts(rows),
         section("All at a glance", pictures([map_figure(spread, rows, by), _fits(rows)])),
-        _remarks(out, _found(rows, by, listed), _files(rows, by, listed), at),
+        _remarks(out, _found(rows, by, listed), _files(rows, by, listed), at, reports or {}),
         _effects(rows),
         _parameters(spread, rows, by),
         _differ(shifts),
@@ -132,13 +136,20 @@ def _why(own: Sequence[Remark], found: str) -> str:
         said.append(max(odd, key=lambda r: r.size).why)
     if len(odd) > 1:
         said.append(f"and {counted(len(odd) - 1, 'more parameter')}")
-    return shorten("; ".join(filter(None, said)), LONG, placeholder=" …")
+    words = "; ".join(filter(None, said))
+    end = words.rfind(". ", 0, LONG)  # whole sentences, where there are some
+    short = len(words) <= LONG or end < 0
+    return shorten(words, LONG, placeholder=" …") if short else f"{words[: end + 1]} …"
 
 
 def _remarks(
-    out: Sequence[Remark], found: Mapping[str, str], files: Mapping[str, str], at: Path | None
+    out: Sequence[Remark],
+    found: Mapping[str, str],
+    files: Mapping[str, str],
+    at: Path | None,
+    reports: Mapping[str, str],
 ) -> str:
-    """A row for each device, with a link to its file where it has one of its own."""
+    """A row for each device, with a link to its report, or else to its file where it has one."""
     by_device: dict[str, list[Remark]] = {}
     for remark in out:
         by_device.setdefault(str(remark.device), []).append(remark)
@@ -156,9 +167,16 @@ def _remarks(
     more = len(by_device) - len(listed)
     heads = ("device", "verdict", "why", *(["file"] if files else []))
     words = "devices that stand out"
-    shown = table(heads, listed, len(heads), words, long="why", links=_links(files, at))
+    shown = table(
+        heads, listed, len(heads), words, long="why", links={**_links(files, at), **reports}
+    )
     notes = [f"and {more} more"] * (more > 0)
-    notes += ["rsicalib trace FILE --out FOLDER writes the report of one device"] * bool(files)
+    if reports:
+        notes.append(
+            f"{counted(len(reports), 'report')} of single devices; --reports N writes more or fewer"
+        )
+    elif files:
+        notes.append("rsicalib trace FILE --out FOLDER writes the report of one device")
     return section(words.capitalize(), shown, *(f'<p class="faint">{n}</p>' for n in notes))
 
 
@@ -231,8 +249,8 @@ def _differ(shifts: Sequence[Mapping[str, Any]]) -> str:
         )
         listed.append((one["parameter"], shift, number(one["between"]), between))
     heads = ("parameter", "mean from the drawing", "sd between devices", "95 %")
-    words = "how much devices differ"
-    return section(words.capitalize(), table(heads, listed, 1, words))
+    words = "differences over the fleet"
+    return section("How much devices differ", table(heads, listed, 1, words))
 
 
 def _parameters(spread: Sequence[Spread], rows: Mapping[str, Sequence[Any]], by: str) -> str:
@@ -244,4 +262,6 @@ def _parameters(spread: Sequence[Spread], rows: Mapping[str, Sequence[Any]], by:
         numbers = (plus_minus(one.median, one.within)[0], *map(number, (one.between, one.within)))
         listed.append((one.name, *numbers, f"{labels[furthest]} ({far:.1f} sd)"))
     heads = ("parameter", "median", "sd between devices", "sd of one device", "furthest")
-    return section("Parameters over the fleet", table(heads, listed, 1, "parameters"))
+    return section(
+        "Parameters over the fleet", table(heads, listed, 1, "parameters over the fleet")
+    )

@@ -19,6 +19,8 @@ from rsicalib.fleets.engines import Job, Part, Task, over_dask, over_threads
 from rsicalib.fleets.frames import Rows
 from rsicalib.fleets.page import page
 from rsicalib.fleets.population import first_line, joint, sentences, tolerances_of
+from rsicalib.fleets.reports import write_reports
+from rsicalib.fleets.standing_out import remarks, spreads
 from rsicalib.fleets.store import Store
 from rsicalib.options import checked, names
 from rsicalib.tabular import Tabular
@@ -28,6 +30,9 @@ __all__ = ["Fleet", "fleet"]
 
 PARTITION = 100
 """Devices of a partition: a fifth of a second of work, which is what a lost worker costs."""
+
+REPORTS = 10
+"""Reports of single devices: ten seconds of work."""
 
 Progress = Callable[[str, int, int], None]
 
@@ -115,6 +120,7 @@ def fleet(
     resume: bool = False,
     time_limit: float | None = None,
     population: bool = False,
+    reports: int = REPORTS,
     progress: Progress | None = None,
 ) -> Fleet:
     """Calibrate the devices of a dataset: one row each.
@@ -127,7 +133,7 @@ def fleet(
     mechanism : str, path or Mechanism
         What all devices are.
     out : path
-        Folder for `fleet.parquet`, `fleet.html` and `run.json`.
+        Folder for `fleet.parquet`, `fleet.html`, `run.json` and `devices`.
     by : str
         Column that says which device a row belongs to.
     terms, closures, noise, trace, held_out : optional
@@ -145,6 +151,9 @@ def fleet(
         Estimate what the devices share, errors of the drawing and their spread, in
         `population.json`: a prior for each of them (`population.parquet`) and for the next
         (`calibrate`, `population`). The mechanism needs the tolerances, `[model] sd`, of all terms.
+    reports : int
+        Devices that have a report of their own in `devices`, to which the page leads: those that
+        stand out most. Each is traced once more.
     progress : callable, optional
         Called with a word, the devices that are done, and how many there are: as far as that is
         known, or about.
@@ -218,7 +227,18 @@ def fleet(
         found, devices = joint(job.mechanism, by, tolerances, used, again)
         files = store.write_population(found, devices)
     said = sentences(first, found)
-    html = page(table, by, job.mechanism, said, Path(out), first["shifts"])
+    out_of = remarks(table, by, spreads(table))
+    wanted = list(dict.fromkeys(remark.device for remark in out_of))[:reports]
+
+    def reported(number: int) -> None:
+        if progress is not None:
+            progress("reports", number, len(wanted))
+
+    used = {name: options[name] for name in ("terms", "closures", "noise")}
+    links = write_reports(
+        source.partitions(PARTITION), wanted, store.folder, job.mechanism, used, reported
+    )
+    html = page(table, by, job.mechanism, said, Path(out), first["shifts"], links)
     return Fleet(table, by, (*store.write_page(html), *files), first, found)
 
 

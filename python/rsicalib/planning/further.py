@@ -19,7 +19,7 @@ from rsicalib.planning.plans import Forecast, Plan
 from rsicalib.planning.purposes import reason
 from rsicalib.planning.worthwhile import how_many, worthwhile
 from rsicalib.poses.devices import Within
-from rsicalib.report.words import UNKNOWN, subject
+from rsicalib.report.words import NO_TERM, subject
 from rsicalib.results.result import Result, Trace
 from rsicalib.work.arguments import CalibrationArg, MechanismArg, SessionsArg
 from rsicalib.work.job import Work
@@ -116,16 +116,16 @@ def base_terms(result: Result) -> list[str]:
 
 def explanations(result: Result) -> list[tuple[tuple[Name, ...], float, float]]:
     """Effects, penalised χ² and probability of each explanation by terms, the best first."""
-    if not isinstance(result, Trace):
+    if not isinstance(result, Trace) or not result.steps:
         return []
-    # Nothing can be predicted by a law that no term has.
-    rivals = [r for r in result.rivals if all(t.term != UNKNOWN for t in r.terms)]
+    # Nothing can be predicted by what is no term.
+    rivals = [r for r in result.rivals if all(t.term not in NO_TERM for t in r.terms)]
     if rivals:
         return [(r.terms, r.chi2_penalised, r.probability) for r in rivals]
     steps = tuple(
         Name(term=s.term, klass=s.klass, target=s.target, place=s.place) for s in result.steps
     )
-    return [(steps, 0.0, 1.0)] if steps else []
+    return [(steps, 0.0, 1.0)]
 
 
 def words(terms: Sequence[Name]) -> str:

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
-from rsicalib.facts.shapes import Evidence, Hypothesis, ResultShape, Rival, TraceShape
-from rsicalib.report.curves import ANY_CURVE
-from rsicalib.report.words import UNKNOWN, listed_words, percent, place_words, subject
+from rsicalib.facts.shapes import Evidence, Hypothesis, Name, ResultShape, Rival, TraceShape
+from rsicalib.report.words import listed_words, percent, place_words, subject
 
 __all__ = ["certainty_html", "is_same"]
 
@@ -35,8 +34,9 @@ def certainty_html(result: ResultShape, evidence: Evidence | None) -> str:
         Part(f"part{k}", words, percent(p), max(p, 0.004), at)
         for k, (words, p, at) in enumerate(rows)
     ]
-    whole = any(part.choice is not None for part in parts) and known[0].kind == "nothing"
-    return _strip(parts, "as if nothing were missing" if whole else "")
+    # Nothing stands below what can be chosen, unless it is one of the explanations.
+    below = any(part.choice for part in parts) and all(part.choice != 0 for part in parts)
+    return _strip(parts, "as if nothing were missing" if below else "")
 
 
 @dataclass(frozen=True)
@@ -87,25 +87,17 @@ def _choice(at: int | None) -> str:
 
 def _number(rival: Rival, known: Sequence[Hypothesis]) -> int | None:
     """Number of the hypothesis that is this explanation; None where it was not fitted."""
-    same = [k for k, one in enumerate(known) if is_same(one, rival)]
-    # A curve that is an explanation of its own stands for a law that no term has as well.
-    same += [k for k, one in enumerate(known) if _effects(one, ANY_CURVE) == _terms(rival)]
-    return same[0] if same else None
+    return next((k for k, one in enumerate(known) if is_same(one, rival)), None)
 
 
 def is_same(one: Hypothesis, rival: Rival) -> bool:
-    """True where both are the same effects; any curve stands for a law that no term has."""
-    return _terms(rival) == _effects(one, ANY_CURVE if one.kind == "any_curve" else None)
+    """True where both are the same effects."""
+    return _effects(rival.terms) == _effects(one.effects)
 
 
-def _terms(rival: Rival) -> set[tuple[str, str]]:
-    return {(n.term, n.target) for n in rival.terms}
-
-
-def _effects(one: Hypothesis, unknown: str | None) -> set[tuple[str, str]]:
-    """The effects of a hypothesis, `unknown` as a law that no term has."""
-    return {(UNKNOWN if n.term == unknown else n.term, n.target) for n in one.effects}
+def _effects(names: Sequence[Name]) -> set[tuple[str, str]]:
+    return {(n.term, n.target) for n in names}
 
 
 def _name(rival: Rival) -> str:
-    return listed_words([subject(name) for name in rival.terms] or ["nothing"])
+    return listed_words([subject(name) for name in rival.terms] or ["nothing is missing"])

@@ -111,7 +111,7 @@ def _law_figure(step: Step, law: Law, name: str, curve: AnyCurve) -> Figure:
     others = [subject(a.effect) for a in law.alternatives]
     keys = [effect_key(step), *(effect_key(a.effect) for a in law.alternatives)]
     if curve:
-        others.append("a law that no term has (any curve)")
+        others.append("a smooth curve of any shape")
         keys.append(f"{ANY_CURVE}@{step.target}")
     # Of each dot the correction, and the number of its pose where it is of one.
     of_pose = law.poses or (None,) * len(dots)

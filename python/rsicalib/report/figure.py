@@ -17,7 +17,9 @@ __all__ = ["STYLE", "Figure", "data_element", "whole"]
 STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
 """Style of pages and figures."""
 
-RULE = re.compile(r"^(?::root|svg|@media \(prefers-color-scheme)[^\n]*\n(?:  [^\n]*\n)*", re.M)
+RULE = re.compile(
+    r"^(?::root|svg|@media screen and \(prefers-color-scheme)[^\n]*\n(?:  [^\n]*\n)*", re.M
+)
 """A rule of the style that figures need: colours, and what is drawn."""
 
 OWN = "".join(RULE.findall(STYLE)).replace("]]>", "")
@@ -63,8 +65,11 @@ class Figure:
 
 
 def whole(text: str) -> str:
-    """Text of a page: options of commands, dates, numbers with a power of ten stay on one line."""
-    broken = r"(?<![\w-])--[a-z][a-z-]*|(?<![\w.])[0-9.]+e-[0-9]+|\b\d{4}-\d\d-\d\d\b"
+    """Text of a page: options of commands, dates, numbers with a power of ten and probabilities
+    stay on one line.
+    """
+    broken = r"\bp [=<] [0-9.]+(?:e-[0-9]+)?|"
+    broken += r"(?<![\w-])--[a-z][a-z-]*|(?<![\w.])[0-9.]+e-[0-9]+|\b\d{4}-\d\d-\d\d\b"
     return re.sub(broken, r'<span class="whole">\g<0></span>', text)
 
 

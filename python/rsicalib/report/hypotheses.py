@@ -24,7 +24,15 @@ from rsicalib.report.words import (
     subject,
 )
 
-__all__ = ["choices_html", "fader_html", "fit_data", "hypothesis_data", "key_of", "residuals_of"]
+__all__ = [
+    "choices_html",
+    "fader_html",
+    "fit_data",
+    "hypothesis_data",
+    "key_of",
+    "named_of",
+    "residuals_of",
+]
 
 
 def key_of(p: ParameterName) -> str:
@@ -60,9 +68,14 @@ def words_of(one: Hypothesis) -> str:
     if one.kind == "nothing":
         return "Nothing is missing"
     if one.kind == "any_curve":
-        return f"A law that no term has, at {listed_words(_targets(one))}"
+        return f"A smooth curve of any shape, at {listed_words(_targets(one))}"
     words = listed_words([subject(name) for name in one.effects])
     return words[:1].upper() + words[1:]
+
+
+def named_of(known: Sequence[Hypothesis]) -> int:
+    """Number of the hypothesis that the result is: what was found, or nothing."""
+    return next((k for k, one in enumerate(known) if one.kind == "found"), 0)
 
 
 def _targets(one: Hypothesis) -> list[str]:
@@ -118,11 +131,12 @@ def _probability(one: Hypothesis, rivals: Sequence[Rival]) -> float | None:
 def choices_html(evidence: Evidence, rivals: Sequence[Rival]) -> str:
     """The hypotheses to choose from, with their probabilities; what was found is chosen."""
     rows = []
-    for one in evidence.hypotheses:
+    chosen = named_of(evidence.hypotheses)
+    for k, one in enumerate(evidence.hypotheses):
         p = _probability(one, rivals)
         share = "" if p is None else f'<span class="share" style="width:{100 * p:.1f}%"></span>'
         words = "" if p is None else percent(p)
-        mark = " checked" if one.kind == "found" else ""
+        mark = " checked" * (k == chosen)
         rows.append(
             f'<label><input type="radio" name="hypothesis"{mark}> {escape(words_of(one))}'
             f'<span class="likely">{share}</span><span class="percent">{words}</span></label>'

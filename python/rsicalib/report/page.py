@@ -296,7 +296,9 @@ def _headline(result: ResultShape, evidence: Evidence | None) -> str:
     if row is None:
         return ""
     first, drawn = row.before, ""
-    if first is None and (error := _as_drawn(evidence)):
+    if first == row.cells[2]:
+        first = None  # what was found is not applied: it has changed nothing
+    elif first is None and (error := _as_drawn(evidence)):
         first, drawn = error, " as drawn"
     old = "" if first is None else f"<del>{escape(first)}</del>{drawn} → "
     now = f"<strong data-now>{escape(row.cells[2])}</strong> {escape(unit)}"

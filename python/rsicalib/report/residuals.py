@@ -11,7 +11,7 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.facts.shapes import Evidence, ResultShape, TraceShape
 from rsicalib.report.figure import Figure
-from rsicalib.report.svg import LETTER, WIDE, Canvas, Chart, bounds
+from rsicalib.report.svg import WIDE, Canvas, Chart, bounds, width_of
 
 __all__ = ["Dots", "dots_of", "normal_figure", "residual_figure"]
 
@@ -188,21 +188,33 @@ def draw_residuals(
 
 
 def _label(chart: Chart, rows: FloatArray, far: dict[tuple[int, int], str], bound: float) -> None:
-    """Write what the worst dots are, one above the other where they would overlap."""
-    taken: list[float] = []
+    """Write what the worst dots are, where fewest others lie, never over one another."""
+    taken: list[tuple[float, float, float]] = []
     width = chart.canvas.width
+    inside = np.clip(np.nan_to_num(rows), -bound, bound).tolist()
+    dots = [chart.at((pose + 1, value)) for pose, row in enumerate(inside) for value in row]
+    across, up = np.array(dots).T
     for (pose, e), words in far.items():
         value = float(rows[pose][e])
         x, y = chart.at((pose + 1, min(max(value, -bound), bound)))
-        towards_zero = 13.0 if value > 0.0 else -13.0
-        while any(abs(y - other) < 13.0 for other in taken):
-            y += towards_zero
-        taken.append(y)
         words += f" ({value:.0f} σ)" if abs(value) > bound else ""
-        long = LETTER * len(words)
-        at = x + 6.0 if x + 6.0 + long < width else max(x - 6.0 - long, 2.0)
-        chart.canvas.text(at, y + 4.0, words, kind="culprit")
+        long = width_of(words, bold=True)
+        found = []
+        for step in (0.0, -LINE, LINE, -2 * LINE, 2 * LINE):
+            for low in (x + 6.0, x - 6.0 - long):
+                at, high = y + step, low + long
+                free = all(abs(at - v) >= LINE or high < a or low > b for a, b, v in taken)
+                if free and low >= 2.0 and high <= width and chart.y.end - 8.0 <= at:
+                    under = (abs(up - at) < LINE / 2) & (across > low - 3.0) & (across < high + 3.0)
+                    found.append((int(under.sum()) + abs(step) / LINE, low, at))
+        if found:
+            _, low, at = min(found)
+            taken.append((low, low + long, at))
+            chart.canvas.text(low, at + 4.0, words, kind="culprit")
 
+
+LINE = 13.0
+"""Height of a line of labels."""
 
 ONE_SCALE = 6.0
 """Panels whose largest residuals differ by more than this factor have scales of their own."""

@@ -26,7 +26,7 @@
     });
     each("[data-now]", (cell) => {
       const now = fit.error[3];
-      write(cell, !now || now === full.error[3] ? cell.dataset.now : now, cell.dataset.now);
+      write(cell, now === full.error[3] ? cell.dataset.now : now || "–", cell.dataset.now);
     });
     [["value", 0], ["half", 1]].forEach(([kind, at]) => each(`[data-${kind}]`, (cell) => {
       const of = (one) => (one.parameters[cell.dataset[kind]] || ["–", "–"])[at];
@@ -110,7 +110,7 @@
       (k === named && share === 1); });
     const between = (a, b) => a.map((v, k) => share * v + (1 - share) * b[k]);
     const mixed = (a, b) => a.map((v, k) => between(v, b[k]));
-    const error = [`${chi2.toPrecision(3)} / ${found.error[0].split(" / ")[1]}`];
+    const error = share === 1 ? [...found.error] : [`${chi2.toPrecision(3)} / ${found.error[0].split(" / ")[1]}`];
     const known = found.known && none.known && mixed(found.known, none.known);
     const size = (rows) => Math.sqrt(rows.flat().reduce((sum, v) => sum + v * v, 0));
     if (found.error[3] && known && share !== 1 && size(found.known) > 0) {

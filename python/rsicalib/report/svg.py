@@ -13,7 +13,18 @@ from html import escape
 from typing import TypeAlias
 from unicodedata import east_asian_width
 
-__all__ = ["LETTER", "NARROW", "WIDE", "Axis", "Canvas", "Chart", "Draw", "bounds", "ticks"]
+__all__ = [
+    "LETTER",
+    "NARROW",
+    "WIDE",
+    "Axis",
+    "Canvas",
+    "Chart",
+    "Draw",
+    "bounds",
+    "ticks",
+    "width_of",
+]
 
 WIDE, NARROW = 560.0, 320.0
 """Widths at which figures are drawn, in units of their view box."""
@@ -21,8 +32,18 @@ WIDE, NARROW = 560.0, 320.0
 LETTER = 6.9
 """Width of a letter of a label, at most on average."""
 
-WIDEST = 9.5
-"""The same in bold letters of the widest font that a browser may take: it is not known here."""
+LETTERS = {"ijl|.,:;'!I ": 0.3, "frt()[]/-·": 0.4, "mwMW@%—": 0.88}
+"""Widths of letters that are not of the usual one [height of the font]."""
+
+USUAL = 0.6
+SIZE = 12.0
+"""Height of the font [px]."""
+
+BOLD = 1.14
+"""How much wider bold letters are."""
+
+WIDEST = 1.06
+"""How much wider letters are in the widest font that a browser may take."""
 
 Draw: TypeAlias = Callable[[float], str]
 """A figure: an `<svg>` element for a width."""
@@ -78,13 +99,25 @@ def bounds(values: Iterable[float], room: float = 0.05) -> tuple[float, float]:
     return low - more, high + more
 
 
-def _length(words: str, room: float) -> str:
+def width_of(words: str, *, bold: bool = False) -> float:
+    """Width of words in a usual font [px]."""
+
+    def one(letter: str) -> float:
+        if east_asian_width(letter) in "WF":
+            return 2 * USUAL
+        return next((width for letters, width in LETTERS.items() if letter in letters), USUAL)
+
+    return SIZE * (BOLD if bold else 1.0) * sum(map(one, words))
+
+
+def _length(words: str, room: float, *, bold: bool = False) -> str:
     """The attribute that keeps words within so much room, where a font could take more."""
-    letters = sum(2 if east_asian_width(letter) in "WF" else 1 for letter in words)
-    if letters * WIDEST <= room:
+    width = width_of(words, bold=bold)
+    if WIDEST * width <= room:
         return ""
-    length = max(min(room, letters * LETTER), 1.0)
-    return f' textLength="{length:.1f}" lengthAdjust="spacingAndGlyphs"'
+    # Letters are no wider than they are: what is to be as long as it is has other gaps.
+    adjust = "spacing" if width <= room else "spacingAndGlyphs"
+    return f' textLength="{max(min(room, width), 1.0):.1f}" lengthAdjust="{adjust}"'
 
 
 @dataclass
@@ -102,7 +135,7 @@ class Canvas:
         ends = {"start": self.width - x, "end": x, "middle": 2 * min(x, self.width - x)}
         self.parts.append(
             f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"'
-            f"{_length(words, ends[anchor])}>{escape(words)}</text>"
+            f"{_length(words, ends[anchor], bold=kind == 'culprit')}>{escape(words)}</text>"
         )
 
     def line(self, x1: float, y1: float, x2: float, y2: float, kind: str) -> None:

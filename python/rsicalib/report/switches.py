@@ -15,6 +15,7 @@ from rsicalib.report.hypotheses import (
     fit_data,
     hypothesis_data,
     key_of,
+    named_of,
     residuals_of,
 )
 from rsicalib.report.residuals import Dots, draw_residuals
@@ -42,7 +43,7 @@ def data_of(evidence: Evidence, dots: Dots, scene: Scene | None) -> dict[str, An
     board, known = evidence.switchboard, evidence.hypotheses
     fits = board.fits if board else ()
     parameters = board.parameters if board else ()
-    named = next((k for k, one in enumerate(known) if one.kind == "found"), 0)
+    named = named_of(known)
     # A dot of the mechanism is a pose; blocks of a recording have no dot there.
     return {
         "fits": [fit_data(fit, parameters, dots) for fit in fits],
@@ -77,7 +78,9 @@ def switchboard_html(
         for k, switch in enumerate(board.switches if board else ())
     )
     switches = f'<fieldset id="switches"><legend>Suspects</legend>{boxes}</fieldset>'
-    if known:
+    if not boxes:
+        switches = ""
+    elif known:
         words = "Take out one effect, or take back a reading, at a time"
         switches = f"<details><summary>{words}</summary>{switches}</details>"
     names = ["χ² / degrees of freedom", "p-value", f"misclosure, rms [{misclosure_unit(result)}]"]
@@ -114,9 +117,13 @@ def switchboard_html(
         "The residual of what is chosen: choose another hypothesis, take out an effect or take "
         f"back a reading, and see where it grows (the largest of all is {number(largest)} σ).",
     )
+    means = (
+        '<p class="faint">All are fits to the mean of the samples of each pose, whose misclosure '
+        "is smaller than that of single samples.</p>"
+    ) * (result.readings.samples > result.readings.poses)
     return (
         f'<div class="choose"><div>{choices_html(evidence, rivals)}{fader_html(evidence)}{switches}'
-        '<p id="switched-words" role="status" aria-live="polite">All switches are on.</p>'
+        '<p id="switched-words" role="status" aria-live="polite"></p>'
         f'<div class="scroll" role="region" aria-label="error as chosen" tabindex="0"><table>'
         '<thead><tr><td></td><th class="n">as found</th><th class="n">as chosen</th></tr></thead>'
         f"<tbody>{errors}</tbody></table></div></div><div>{picture.html()}</div></div>"
@@ -125,9 +132,7 @@ def switchboard_html(
         '<table><thead><tr><th>target</th><th>parameter</th><th class="n">as found</th>'
         '<th class="n">as chosen</th><th class="n">± 95 %</th><th>unit</th></tr></thead>'
         f"<tbody>{rows}</tbody></table></div></details>"
-        '<p class="faint">All are fits to the mean of the samples of each pose, whose misclosure '
-        "is smaller than that of single samples.</p>"
-        f"{data_element('switchboard-data', data)}"
+        f"{means}{data_element('switchboard-data', data)}"
     )
 
 

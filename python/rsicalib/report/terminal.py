@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rsicalib.facts.shapes import Parameter, ResultShape, TraceShape
-from rsicalib.plain_text import counted
+from rsicalib.plain_text import counted, wrapped
 from rsicalib.report.words import (
     advice,
     between_words,
@@ -70,7 +69,7 @@ def summary(result: ResultShape, *, width: int | None = None, whole: bool = Fals
         Lines without a line feed at the end.
     """
     look = Look(WIDTH if width is None else max(NARROW, width), whole)
-    head = _most(textwrap.wrap(sentence(result), look.width), 4, look)
+    head = _most(wrapped(sentence(result), look.width), 4, look)
     data = result.readings
     head += [
         "",
@@ -112,15 +111,15 @@ def _cut(line: str, look: Look) -> list[str]:
     if len(line) <= look.width:
         return [line]
     if look.whole:
-        return textwrap.wrap(line, look.width, subsequent_indent=" " * 12)
-    words = textwrap.wrap(line, look.width - 2, subsequent_indent=" " * 12)
+        return wrapped(line, look.width, subsequent_indent=" " * 12)
+    words = wrapped(line, look.width - 2, subsequent_indent=" " * 12)
     return [f"{words[0]} …"]
 
 
 def _entry(label: str, text: str, look: Look) -> list[str]:
     """A label with what it is about, in as many lines as that takes."""
     first = f"  {label:10}"
-    return textwrap.wrap(text, look.width, initial_indent=first, subsequent_indent=" " * 12)
+    return wrapped(text, look.width, initial_indent=first, subsequent_indent=" " * 12)
 
 
 def _earlier(result: ResultShape, look: Look) -> list[str]:
@@ -143,7 +142,7 @@ def _advice(result: ResultShape, room: int | None, look: Look) -> list[str]:
     """What to do next: whole sentences, as many as there is room for, the first in any case."""
     lines: list[str] = []
     for text in advice(result)[: None if room is None else 3]:
-        more = textwrap.wrap(text, look.width, initial_indent="→ ", subsequent_indent="  ")
+        more = wrapped(text, look.width, initial_indent="→ ", subsequent_indent="  ")
         if room is None or not lines or len(lines) + len(more) <= room:
             lines += more[:room]
     return lines
@@ -182,12 +181,12 @@ def _columns(rows: Sequence[Sequence[str]], least: int, look: Look) -> list[str]
     if left >= NAME:
         for row in rows:
             cells = "".join(f"{c:>{w}}" for c, w in zip(row[1:], wide, strict=True))
-            names = textwrap.wrap(row[0], left - 2, subsequent_indent="  ") or [""]
+            names = wrapped(row[0], left - 2, subsequent_indent="  ") or [""]
             lines.append(f"  {names[0]:{left}}{cells}")
             lines += [f"  {more}" for more in names[1:]]
         return lines
     for row in rows:
-        lines += textwrap.wrap(row[0], room, initial_indent="  ", subsequent_indent="    ")
+        lines += wrapped(row[0], room, initial_indent="  ", subsequent_indent="    ")
         cells = "".join(f"{c:>{w}}" for c, w in zip(row[1:], wide, strict=True))
         if len(cells) <= look.width:
             lines.append(f"{cells:>{look.width}}")

@@ -62,7 +62,9 @@
       line(flat(add(at, scene.sd[k])), flat(minus(at, scene.sd[k])))).join(""));
     path("chosen", chosen && chosen.places ? arrows(scene.places, chosen.places, scene.stride) : "");
     path("known-before", arrows(scene.known, scene.known_before));
-    path("known-after", arrows(scene.known, (chosen && chosen.known) || scene.known_after));
+    // Of a law that no term has it is not known what it does there.
+    const after = (chosen && chosen.known) || scene.known_after;
+    path("known-after", after.length ? arrows(scene.known, after) : "");
     const put = (dots, places) => dots.forEach((dot, k) => {
       const [u, v] = flat(places[k]);
       dot.setAttribute("cx", u.toFixed(1));

@@ -23,7 +23,7 @@ from rsicalib.facts.shapes import (
 from rsicalib.units import in_thousandths, with_unit
 
 __all__ = [
-    "UNKNOWN",
+    "NO_TERM",
     "ErrorRow",
     "advice",
     "between_words",
@@ -51,8 +51,8 @@ __all__ = [
     "with_bounds",
 ]
 
-UNKNOWN = "unknown_law"
-"""Id of what stands for a law that no term has."""
+NO_TERM = {"unknown_law": "a law that no term has", "unknown_noise": "errors that follow no law"}
+"""Ids of what may explain a session and is no term, in words."""
 
 NO_HELP = "nothing shows that it holds at other places"
 LESS_LIKELY = "a law that no term has is likelier in its place"
@@ -113,7 +113,7 @@ def with_bounds(parameter: Parameter, times: float = 1.0) -> tuple[str, str]:
 
 def name_of(term: str) -> str:
     """A term's id as people read it."""
-    return "a law that no term has" if term == UNKNOWN else term.replace("_", " ")
+    return NO_TERM.get(term) or term.replace("_", " ")
 
 
 def percent(p: float) -> str:
@@ -148,7 +148,7 @@ def subject(step: Step | Name) -> str:
     """A missing effect: `curvature of sensor a22 (elbow of arm 2)`."""
     at = f" (at {step.place})" if step.place else ""
     where = labelled(target_words(step.klass, step.target), step.label)
-    what = name_of(step.term) + "," * (step.term == UNKNOWN)
+    what = name_of(step.term) + "," * (step.term in NO_TERM)
     return f"{what} of {where}{at}"
 
 
@@ -253,7 +253,8 @@ def sentence(result: ResultShape) -> str:
             yet = _yet(result)
             return f"Explained{yet}: {missing} {were} missing; what is left is noise ({judged})."
         more = any(reason.kind == "residual" for reason in result.reasons)
-        leave = "leave more than noise" if more else "leave no more than noise"
+        leave = "leaves" if len(result.steps) == 1 else "leave"
+        leave += " more than noise" if more else " no more than noise"
         if against:
             why = f"what was found does not hold elsewhere: {reason_words(result, against[0])}"
             return f"Partly explained: {why}. {_capital(missing)} {leave} ({judged})."
@@ -561,6 +562,8 @@ ADVICE = {
     "fit fewer --terms.",
     "check_pose": "One check pose is off by itself: see whether it stands beside its own readings, "
     "and whether the arm was pushed there.",
+    "check_pose_orientation": "One check pose is turned by itself: see whether it stands beside "
+    "its own readings, and whether its orientation was read right.",
     "check_before": "What was found makes known poses worse: record more poses, and see whether it "
     "is found again.",
     "groups_declared": "Do not use it: other groups are better off with the mechanism as it is "
@@ -601,7 +604,8 @@ def _elsewhere(result: ResultShape) -> list[Reason]:
 def reason_words(result: ResultShape, reason: Reason) -> str:
     """What readings say that a fit has not seen, with the numbers."""
     what, than = REASONS[reason.kind]
-    units = {"held_out": "", "held_out_before": "", "check_orientation": " rad"}
+    turned = dict.fromkeys(("check_orientation", "check_pose_orientation"), " rad")
+    units = {"held_out": "", "held_out_before": "", **turned}
     unit = units.get(reason.kind, f" {result.length_unit}")
     beside = "" if reason.expected is None else f", and {number(reason.expected)}{unit} {than}"
     p = "" if reason.p_value is None else f" ({p_is(reason.p_value)})"
@@ -613,6 +617,7 @@ REASONS = {
     "check": ("check poses are off by", "is predicted"),
     "check_orientation": ("check poses are turned by", "is predicted"),
     "check_pose": ("a check pose is off by", "is predicted"),
+    "check_pose_orientation": ("a check pose is turned by", "is predicted"),
     "check_declared": ("check poses are off by", "with the mechanism as it is declared"),
     "predicted_declared": (
         "check poses are predicted to be off by",

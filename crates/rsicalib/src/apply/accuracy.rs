@@ -90,6 +90,27 @@ pub struct Worst {
     pub position_sd: f64,
     /// Probability that one of so many poses is as improbable by chance.
     pub p_value: f64,
+    /// Error of its orientation, root mean square of the three angles [rad].
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub orientation_rms: Option<f64>,
+    /// Predicted standard deviation of that [rad].
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub orientation_sd: Option<f64>,
+}
+
+impl Worst {
+    /// Error and predicted standard deviation of what is off by more of these, and whether that is the
+    /// orientation.
+    #[must_use]
+    pub fn numbers(&self) -> ([f64; 2], bool) {
+        let position = [self.position_rms, self.position_sd];
+        let turned = self.orientation_rms.zip(self.orientation_sd).map(<[f64; 2]>::from);
+        let times = |[found, expected]: [f64; 2]| found / expected;
+        match turned {
+            Some(turned) if times(turned) > times(position) => (turned, true),
+            _ => (position, false),
+        }
+    }
 }
 
 impl Predicted {
@@ -111,11 +132,13 @@ impl Expected {
     /// The same with the least probable of the poses, each judged by itself: one that is off alone is lost among
     /// errors that all share.
     #[must_use]
-    pub fn with_each(self, each: &[(f64, Self)]) -> Self {
-        let least = each.iter().min_by(|a, b| a.1.p_value.total_cmp(&b.1.p_value));
-        let worst = least.map(|(position_rms, one)| Worst {
+    pub fn with_each(self, each: &[(f64, Option<f64>, Self)]) -> Self {
+        let least = each.iter().min_by(|a, b| a.2.p_value.total_cmp(&b.2.p_value));
+        let worst = least.map(|(position_rms, orientation_rms, one)| Worst {
             position_rms: *position_rms,
             position_sd: one.position_sd,
+            orientation_rms: *orientation_rms,
+            orientation_sd: one.orientation_sd,
             p_value: (one.p_value * each.len() as f64).min(1.0),
         });
         Self { worst, ..self }

@@ -93,7 +93,7 @@ pub fn check(
             let each = alone.of_each(fit, &slopes).zip(&pairs).map(|(predicted, pair)| {
                 let off = error_after(std::slice::from_ref(pair), &motion);
                 let one = predicted.judge(off.position_rms, off.orientation_rms, fit.noise.dof);
-                (off.position_rms, one)
+                (off.position_rms, off.orientation_rms, one)
             });
             judged.with_each(&each.collect::<Vec<_>>())
         }

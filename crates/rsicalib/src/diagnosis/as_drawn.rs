@@ -74,13 +74,20 @@ pub(crate) fn likelier<'a>(
     let here = match here.is_empty() && listed_too {
         true => vec![Explanation {
             effects: Vec::new(),
+            noise: None,
             chi2: mine,
             probability: 1.0,
             apart: Some(0.0),
         }],
         false => here,
     };
-    let listed = Explanation { effects: all.clone(), chi2: others, probability: 1.0, apart: far };
+    let listed = Explanation {
+        effects: all.clone(),
+        noise: None,
+        chi2: others,
+        probability: 1.0,
+        apart: far,
+    };
     let both = here.into_iter().chain(listed_too.then_some(listed));
     let near = nearest(both.map(|explanation| (explanation, ())).collect());
     kept.searched.rivals = near.into_iter().map(|(explanation, ())| explanation).collect();

@@ -110,6 +110,12 @@ impl Traced {
         Stretches::in_session(self.stretches.as_ref(), instance)
     }
 
+    /// True where more than noise is left of a session in which no effect was found.
+    #[must_use]
+    pub fn is_unexplained(&self) -> bool {
+        self.found.is_empty() && self.p_value.is_some_and(|p| p <= LEVEL)
+    }
+
     /// The session and the fit to judge and to draw by: where the search was by stretches, those of
     /// all rows.
     #[must_use]
@@ -207,6 +213,7 @@ fn explain(
     let Search { averaged, searched: pursued, isolated, all: of_all } = searched;
     let Searched { current, found, poses, left, scores, rivals } = pursued;
     excluded.extend(poses.iter().map(|step| averaged.excluded(step)));
+    let said: Vec<Scored> = found.iter().map(|step| step.scored).chain(poses).collect();
     let (mut steps, mut bad) = (Vec::new(), Vec::new());
     for step in found {
         match scored::is_data(&step.scored.instance) {
@@ -231,13 +238,11 @@ fn explain(
         }
     };
     let judge = averaged.judge(&current);
-    let effects: Vec<Scored> = steps.iter().map(|step| step.scored).collect();
     let left_over = after.p_value.is_some_and(|p| p <= LEVEL);
-    let something = left_over || !effects.is_empty();
+    let something = left_over || !steps.is_empty();
     // In a recording the noise of neighbours is alike, which a smooth law would explain.
-    let unknown = match (!lost || !effects.is_empty()) && (something || observations.readings.held)
-    {
-        true => averaged.unknown_law(&current, &effects)?,
+    let unknown = match (!lost || !steps.is_empty()) && (something || observations.readings.held) {
+        true => averaged.unknown_law(&current, &said)?,
         false => None,
     };
     // Where nothing is found and nothing is left, the law must be likelier than chance.

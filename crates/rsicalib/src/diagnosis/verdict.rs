@@ -213,6 +213,8 @@ pub enum Why {
     CheckOrientation,
     /// One of the known poses is off by more than the calibration predicts of it.
     CheckPose,
+    /// One of the known orientations is, and its position is off by less of what is predicted.
+    CheckPoseOrientation,
     /// Known poses are off by more than with the mechanism as it is declared.
     CheckDeclared,
     /// Known poses are predicted to be off by more than they are with the mechanism as it is declared,
@@ -363,8 +365,9 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
         Reason::beyond(kind, KNOWN, numbers, Some(predicted.p_value))
     });
     let alone = evidence.check.and_then(|check| check.predicted?.worst).and_then(|worst| {
-        let numbers = [worst.position_rms, worst.position_sd];
-        Reason::beyond(Why::CheckPose, KNOWN, numbers, Some(worst.p_value))
+        let (numbers, turned) = worst.numbers();
+        let kind = if turned { Why::CheckPoseOrientation } else { Why::CheckPose };
+        Reason::beyond(kind, KNOWN, numbers, Some(worst.p_value))
     });
     // A few known poses that happen to be no worse vouch for no others.
     let predicted_declared = evidence.check_declared.filter(|it| it.found >= it.other);

@@ -296,6 +296,20 @@ impl Readings {
         Ok(readings)
     }
 
+    /// The same readings less known errors of one channel, sample by sample. What a sample needs from
+    /// others stays as it was read.
+    #[must_use]
+    pub fn less(&self, channel: usize, errors: &[f64]) -> Self {
+        let mut less = self.clone();
+        let own = less.table.values.iter_mut().skip(channel).step_by(self.channels);
+        own.zip(errors).for_each(|(value, error)| *value -= error);
+        for (k, block) in self.blocks.iter().enumerate() {
+            less.raw[k * self.channels + channel] =
+                Lanes(block.rows.map(|r| less.table.values[r * self.channels + channel]));
+        }
+        less
+    }
+
     fn lay_out(&mut self, group: &[usize], time: &[f64], temperature: &[f64], pose: &[f64]) {
         let mut order: Vec<usize> = (0..self.samples).collect();
         order.sort_by_key(|&row| group[row]);

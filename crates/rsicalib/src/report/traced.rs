@@ -11,13 +11,14 @@ use crate::diagnosis::localisation::{Residual, residual};
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::plausibility::{Absurdity, absurdities};
 use crate::diagnosis::score::scored;
-use crate::diagnosis::search::rivals;
+use crate::diagnosis::search::rivals::{self, UNKNOWN_NOISE};
 use crate::diagnosis::trace::{Explanation, Found, Traced, trace};
 use crate::diagnosis::unknown_law::{DependsOn, UNKNOWN_LAW, UnknownLaw};
 use crate::diagnosis::verdict::{self, Compared, Determined, Evidence, Judgement, Reason, Verdict};
 use crate::estimate::directions::{directions, place, reported, unit};
 use crate::estimate::progress::{Job, Progress, Stage};
 use crate::estimate::{Fit, Implicit, Note, Observations, Part, fit, with_groups};
+use crate::mechanism::Target;
 use crate::model::Instance;
 #[cfg(feature = "serde")]
 use crate::numerics::nullable;
@@ -156,7 +157,7 @@ pub struct StepReport {
 )]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct RivalReport {
-    /// The effects.
+    /// The effects: `unknown_law` is a law that no term has, `unknown_noise` errors that follow none.
     pub terms: Vec<Place>,
     /// Price of the explanation: χ² by the noise that may be, with what its effects, their places and wrong
     /// readings cost.
@@ -482,21 +483,29 @@ fn held_out_before(traced: &Traced, before: &FitReport, after: &FitReport) -> Op
 }
 
 fn rival(observations: &Observations, explanation: &Explanation) -> RivalReport {
+    let effects = explanation.effects.iter().map(|i| Place::of(observations, i));
+    let noise = explanation.noise.map(|at| no_term(observations, UNKNOWN_NOISE, at));
     RivalReport {
-        terms: explanation.effects.iter().map(|i| Place::of(observations, i)).collect(),
+        terms: effects.chain(noise).collect(),
         chi2_penalised: explanation.chi2,
         probability: explanation.probability,
     }
 }
 
-/// The explanations that are nearly as good as the best, a law that no term has among them.
+/// The explanations that are nearly as good as the best, a law that no term has among them; none where
+/// nothing is to be explained.
 fn rivals_of(traced: &Traced) -> Vec<RivalReport> {
+    if traced.found.is_empty() && !traced.is_unexplained() {
+        return Vec::new();
+    }
     let mut all: Vec<RivalReport> = traced.rivals.iter().map(|e| rival(&traced.small, e)).collect();
-    if let Some(law) = traced.unknown.as_ref().filter(|_| !all.is_empty()) {
-        let kept = traced.found.iter().map(|found| found.instance);
-        let kept = kept.filter(|i| !law.replaces.contains(i));
-        let terms = kept.map(|i| Place::of(&traced.small, &i));
-        let terms = terms.chain([no_term(traced, law)]).collect();
+    if let Some(law) = &traced.unknown {
+        if all.is_empty() {
+            // Of what was asked for alone: readings that are wrong, or nothing.
+            let chi2_penalised = law.price - law.behind;
+            all.push(RivalReport { terms: Vec::new(), chi2_penalised, probability: 0.0 });
+        }
+        let terms = with_law(traced, law);
         all.push(RivalReport { terms, chi2_penalised: law.price, probability: 0.0 });
         all.sort_by(|a, b| a.chi2_penalised.total_cmp(&b.chi2_penalised));
         let least = all[0].chi2_penalised;
@@ -507,14 +516,25 @@ fn rivals_of(traced: &Traced) -> Vec<RivalReport> {
     all
 }
 
-/// A law that no term has, as an effect.
-fn no_term(traced: &Traced, law: &UnknownLaw) -> Place {
+/// A law that no term has, with the effects that stay beside it.
+pub(crate) fn with_law(traced: &Traced, law: &UnknownLaw) -> Vec<Place> {
+    let kept = traced.found.iter().map(|found| found.instance);
+    let kept = kept.filter(|i| !law.replaces.contains(i));
+    let kept = kept.map(|i| Place::of(&traced.small, &i));
+    kept.chain([no_term(&traced.small, UNKNOWN_LAW, law.target)]).collect()
+}
+
+/// What no term has, as an effect.
+fn no_term(observations: &Observations, id: &str, target: Target) -> Place {
     Place {
-        term: UNKNOWN_LAW.into(),
-        class: Class::Sensor,
-        target: law.target.name(&traced.small.mechanism),
+        term: id.into(),
+        class: match target {
+            Target::Channel(_) => Class::Sensor,
+            _ => Class::Geometry,
+        },
+        target: target.name(&observations.mechanism),
         place: None,
-        label: law.target.label(&traced.small.mechanism),
+        label: target.label(&observations.mechanism),
     }
 }
 
@@ -542,7 +562,7 @@ fn step(
     let curve = curve(after, &found.instance, first);
     let unknown = traced.unknown.iter().filter(|law| law.ties());
     let unknown = unknown.filter(|law| law.replaces.contains(&found.instance));
-    let unknown = unknown.map(|law| no_term(traced, law));
+    let unknown = unknown.map(|law| no_term(&traced.small, UNKNOWN_LAW, law.target));
     // What it does to the platform: the search's fit with it against the one without.
     let platform_rms = platform_difference(&traced.small, &found.without, &traced.last);
     // Held out with this effect and those found before it.

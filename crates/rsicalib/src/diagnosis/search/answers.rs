@@ -195,16 +195,19 @@ impl Beam<'_, '_> {
     /// without effects says that readings are wrong, or noise that nobody knows of, or nothing.
     fn rivals(&self, ranked: &[usize]) -> Vec<Explanation> {
         let best = &self.accounts[ranked[0]];
-        if best.items.iter().all(|s| is_data(&s.instance)) {
+        if best.noise.is_none() && best.items.iter().all(|s| is_data(&s.instance)) {
             return Vec::new();
         }
         let mut listed: Vec<(Explanation, &Fit)> = Vec::new();
         for account in ranked.iter().map(|k| &self.accounts[*k]) {
             let effects: Vec<Instance> =
                 account.items.iter().map(|s| s.instance).filter(|i| !is_data(i)).collect();
+            let noise = account.noise.filter(|_| effects.is_empty()).map(|noise| noise.target);
             let same = |one: &(Explanation, &Fit)| {
                 let known = &one.0.effects;
-                known.len() == effects.len() && known.iter().all(|i| effects.contains(i))
+                known.len() == effects.len()
+                    && known.iter().all(|i| effects.contains(i))
+                    && one.0.noise == noise
             };
             let dearer = |k: &usize| account.extends(&self.accounts[*k]);
             if listed.iter().any(same)
@@ -216,7 +219,8 @@ impl Beam<'_, '_> {
                 continue;
             }
             let (chi2, probability) = (account.price, 1.0);
-            listed.push((Explanation { effects, chi2, probability, apart: None }, &account.fit));
+            let one = Explanation { effects, noise, chi2, probability, apart: None };
+            listed.push((one, &account.fit));
         }
         let small = &self.averaged.small;
         workers::map(nearest(listed), |(mut explanation, refit)| {

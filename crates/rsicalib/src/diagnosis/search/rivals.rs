@@ -1,7 +1,11 @@
 //! Explanations of a session that are nearly as good as the best.
 
+use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
+
+/// Id of noise that nobody knows of.
+pub const UNKNOWN_NOISE: &str = "unknown_noise";
 
 /// Upper limit of explanations.
 const MOST_RIVALS: usize = 8;
@@ -11,6 +15,8 @@ const MOST_RIVALS: usize = 8;
 pub struct Explanation {
     /// The effects, wrong readings left out; none where these, noise or nothing explain it.
     pub effects: Vec<Instance>,
+    /// Whose noise that nobody knows of explains it, without an effect.
+    pub noise: Option<Target>,
     /// Its price, (113).
     pub chi2: f64,
     /// Probability among the explanations that are listed.
@@ -39,7 +45,7 @@ pub(crate) fn nearest<T>(mut all: Vec<(Explanation, T)>) -> Vec<(Explanation, T)
 #[must_use]
 pub fn elsewhere(rivals: &[Explanation], predicted: f64) -> Option<(&Explanation, f64)> {
     let best = rivals.first()?.chi2;
-    let as_well = rivals.iter().filter(|e| e.chi2 <= best + AS_WELL);
+    let as_well = rivals.iter().filter(|e| e.chi2 <= best + AS_WELL && e.noise.is_none());
     let far = as_well.filter_map(|e| e.apart.map(|apart| (e, apart)));
     let farthest = far.max_by(|a, b| a.1.total_cmp(&b.1))?;
     (farthest.1 > BEYOND * predicted).then_some(farthest)
@@ -53,7 +59,7 @@ mod tests {
     use super::{Explanation, elsewhere, nearest};
 
     fn of(chi2: f64) -> Explanation {
-        Explanation { effects: Vec::new(), chi2, probability: 0.0, apart: None }
+        Explanation { effects: Vec::new(), noise: None, chi2, probability: 0.0, apart: None }
     }
 
     #[test]

@@ -95,9 +95,9 @@ impl Errors {
         Evidence { price, fall, smooth, tau2 }
     }
 
-    /// Root mean square over the samples of the likeliest errors by a law of these variables, of which
-    /// `evidence` is known, in the unit of readings: those of the posterior mean of `b`.
-    pub fn size(&self, variables: &[&Variable], evidence: &Evidence) -> f64 {
+    /// The likeliest errors by a law of these variables, of which `evidence` is known: those of the
+    /// posterior mean of `b`. None where they cannot be had.
+    pub fn likeliest(&self, variables: &[&Variable], evidence: &Evidence) -> Option<Likeliest> {
         let basis = Basis::of(variables, self.square.len(), &self.apart);
         let (square, gradient) = self.normal(&basis);
         let m = basis.degrees.len();
@@ -106,11 +106,15 @@ impl Errors {
             sd(i) * square[(i, j)] * sd(j) + if i == j { 1.0 } else { 0.0 }
         });
         let right = DVector::from_fn(m, |j, _| sd(j) * gradient[j]);
-        let Some(b) = whole.cholesky().map(|root| root.solve(&right)) else { return f64::NAN };
-        let errors = basis.values.chunks_exact(m).map(|values| -> f64 {
+        let root = whole.cholesky()?;
+        let b = root.solve(&right);
+        let error = |values: &[f64]| -> f64 {
             values.iter().enumerate().map(|(j, value)| value * sd(j) * b[j]).sum()
-        });
-        (errors.map(|e| e * e).sum::<f64>() / self.square.len().max(1) as f64).sqrt()
+        };
+        Some(Likeliest {
+            errors: basis.values.chunks_exact(m).map(error).collect(),
+            told: m as f64 - root.inverse().trace(),
+        })
     }
 
     /// `M` and `u` of (71) for the columns of a basis.
@@ -155,6 +159,23 @@ pub struct Evidence {
     pub smooth: f64,
     /// The square of the likeliest amplitude.
     pub tau2: f64,
+}
+
+/// The likeliest errors by a law.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Likeliest {
+    /// Of each sample, in the unit of readings.
+    pub errors: Vec<f64>,
+    /// What data tell of it, in parameters: `Σ τ² m_k / (1 + τ² m_k)`.
+    pub told: f64,
+}
+
+impl Likeliest {
+    /// Root mean square of the errors.
+    pub fn size(&self) -> f64 {
+        let squares: f64 = self.errors.iter().map(|e| e * e).sum();
+        (squares / self.errors.len().max(1) as f64).sqrt()
+    }
 }
 
 /// Functions of one or two variables, the constant left out.

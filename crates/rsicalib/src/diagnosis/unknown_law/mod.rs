@@ -14,7 +14,7 @@ use crate::Error;
 use crate::diagnosis::averaged::{Averaged, cost};
 use crate::diagnosis::price::{Data, Family, mean, prior};
 use crate::diagnosis::score::scored::{self, Scored, paid};
-use crate::diagnosis::unknown_law::evidence::{Errors, Evidence};
+use crate::diagnosis::unknown_law::evidence::{Errors, Evidence, Likeliest};
 use crate::diagnosis::unknown_law::variables::{Quantity, Variable, variables};
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::{Fit, Observations};
@@ -47,6 +47,11 @@ pub struct UnknownLaw {
     pub depends_on: Vec<DependsOn>,
     /// The same variables.
     pub(crate) variables: Vec<Quantity>,
+    /// Its likeliest errors in the samples of the search, in the unit of readings; zero where one is
+    /// left out.
+    pub(crate) errors: Vec<f64>,
+    /// What data tell of it, in parameters.
+    pub(crate) told: f64,
 }
 
 /// A variable on which errors depend.
@@ -101,8 +106,8 @@ struct Scan {
     channel: usize,
     sets: Vec<(Vec<usize>, Evidence)>,
     price: f64,
-    /// Of its likeliest errors, in the unit of readings.
-    size: f64,
+    /// Errors by the likeliest of them.
+    likeliest: Likeliest,
 }
 
 /// A fit beside which laws are weighed.
@@ -174,12 +179,17 @@ impl Averaged<'_> {
             let Some(scan) = scan else { continue };
             if best.as_ref().is_none_or(|b| scan.price < b.price) {
                 let on = depends_on(&self.small, &scan, &variables);
+                let mut errors = vec![0.0; weights.len()];
+                rows.iter().zip(&scan.likeliest.errors).for_each(|(&row, e)| errors[row] = *e);
                 best = Some(UnknownLaw {
                     target: Target::Channel(scan.channel),
                     replaces: instances(&gone),
                     price: scan.price,
                     behind: scan.price - of_found,
-                    size: scan.size * self.small.mechanism.channels[scan.channel].gain.abs(),
+                    size: scan.likeliest.size()
+                        * self.small.mechanism.channels[scan.channel].gain.abs(),
+                    told: scan.likeliest.told,
+                    errors,
                     variables: on.iter().map(|one| one.0).collect(),
                     depends_on: on.into_iter().map(|one| one.1).collect(),
                 });
@@ -234,14 +244,12 @@ fn likeliest(
         let of = |width: usize| sets.iter().filter(|(set, _)| set.len() == width).count() as f64;
         let many = [of(1), of(2)];
         let price = mean(sets.iter().map(|(set, e)| (e.price, 1.0 / many[set.len() - 1])));
-        let best = sets.iter().min_by(|a, b| a.1.price.total_cmp(&b.1.price));
-        let size = best.map_or(f64::NAN, |(set, evidence)| {
-            let of: Vec<&Variable> = set.iter().map(|&v| &variables[v]).collect();
-            errors[0].size(&of, evidence)
-        });
-        Some(Scan { channel, sets, price, size })
+        let (set, best) = sets.iter().min_by(|a, b| a.1.price.total_cmp(&b.1.price))?;
+        let of: Vec<&Variable> = set.iter().map(|&v| &variables[v]).collect();
+        let likeliest = errors[0].likeliest(&of, best)?;
+        Some(Scan { channel, sets, price, likeliest })
     });
-    let scans: Vec<Scan> = scans.into_iter().flatten().filter(|s| !s.sets.is_empty()).collect();
+    let scans: Vec<Scan> = scans.into_iter().flatten().collect();
     let places = scans.len() as f64 / prior(Family::Free);
     let best = scans.into_iter().min_by(|a, b| a.price.total_cmp(&b.price))?;
     Some(Scan { price: best.price + 2.0 * places.ln(), ..best })

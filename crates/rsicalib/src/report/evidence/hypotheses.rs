@@ -1,31 +1,30 @@
-//! What a session may be explained by: nothing, what was found, its rivals, and any smooth curve in
-//! place of the law of a sensor.
+//! What a session may be explained by: nothing, what was found, its rivals, and a law that no term has, or
+//! any smooth curve in place of the law of a sensor.
+
+use std::sync::Arc;
 
 use crate::Error;
 use crate::apply::check::check;
 use crate::diagnosis::score::scored::is_data;
 use crate::diagnosis::trace::Traced;
+use crate::diagnosis::unknown_law::UnknownLaw;
 use crate::estimate::directions::{parameter_names, reported};
-use crate::estimate::{Fit, fit};
+use crate::estimate::{Fit, Observations, fit};
+use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::report::evidence::drawing::places;
 use crate::report::evidence::known::{place, positions};
 use crate::report::evidence::shapes::{Hypothesis, HypothesisKind, ParameterName, SwitchFit};
 use crate::report::evidence::workspace::workspace;
 use crate::report::result::Known;
-use crate::report::traced::Place;
-use crate::report::traced::by_pose;
+use crate::report::traced::{Place, by_pose, with_law};
 use crate::terms::find;
 use crate::terms::term::Acts;
-
-/// Samples that all fits together may have.
-const MOST_SAMPLES: usize = 16 * 800;
 
 /// The smooth curve that stands for a law that no term has.
 const ANY_CURVE: &str = "free_curve";
 
-/// The hypotheses of a trace, nothing first; none where nothing was found, or where a session is too
-/// long to be fitted again.
+/// The hypotheses of a trace, nothing first; none where nothing is to be explained.
 ///
 /// # Errors
 ///
@@ -34,7 +33,7 @@ pub fn hypotheses(traced: &Traced, known: Option<&Known>) -> Result<Vec<Hypothes
     let Traced { small, last, .. } = traced;
     let found: Vec<Instance> =
         traced.found.iter().map(|f| f.instance).filter(|i| !is_data(i)).collect();
-    if found.is_empty() || small.readings.samples * (traced.rivals.len() + 3) > MOST_SAMPLES {
+    if found.is_empty() && !traced.is_unexplained() {
         return Ok(Vec::new());
     }
     let base: Vec<Instance> =
@@ -42,14 +41,16 @@ pub fn hypotheses(traced: &Traced, known: Option<&Known>) -> Result<Vec<Hypothes
     let probability = |effects: &[Instance]| {
         traced.rivals.iter().find(|r| alike(&r.effects, effects)).map(|r| r.probability)
     };
-    let mut all = vec![
-        (HypothesisKind::Nothing, Vec::new(), None),
-        (HypothesisKind::Found, found.clone(), probability(&found)),
-    ];
-    let others = traced.rivals.iter().filter(|r| !alike(&r.effects, &found));
+    let mut all = vec![(HypothesisKind::Nothing, Vec::new(), None)];
+    if !found.is_empty() {
+        all.push((HypothesisKind::Found, found.clone(), probability(&found)));
+    }
+    let listed = |effects: &[Instance]| !effects.is_empty() && !alike(effects, &found);
+    let others = traced.rivals.iter().filter(|r| listed(&r.effects));
     all.extend(others.map(|r| (HypothesisKind::Rival, r.effects.clone(), Some(r.probability))));
     let curves = any_curve(&found);
-    if !all.iter().any(|(_, effects, _)| alike(effects, &curves)) {
+    let same = |(_, effects, _): &(_, Vec<Instance>, _)| alike(effects, &curves);
+    if !curves.is_empty() && !all.iter().any(same) {
         all.push((HypothesisKind::AnyCurve, curves, None));
     }
     let mut out = Vec::with_capacity(all.len());
@@ -58,9 +59,27 @@ pub fn hypotheses(traced: &Traced, known: Option<&Known>) -> Result<Vec<Hypothes
         // What these readings cannot fit is no hypothesis of them.
         let Ok(one) = fit(small, instances, Some(last)) else { continue };
         let effects = effects.iter().map(|i| Place::of(small, i)).collect();
-        out.push(Hypothesis { kind, effects, probability, ..of_fit(traced, &one, known)? });
+        out.push(Hypothesis { kind, effects, probability, ..of_fit(traced, small, &one, known)? });
+    }
+    if let Some(law) = &traced.unknown {
+        out.extend(of_law(traced, law)?);
     }
     Ok(out)
+}
+
+/// A law that no term has: a fit to the readings less its likeliest errors. None where it cannot be fitted,
+/// or is not of one channel.
+fn of_law(traced: &Traced, law: &UnknownLaw) -> Result<Option<Hypothesis>, Error> {
+    let Target::Channel(channel) = law.target else { return Ok(None) };
+    let mut less = traced.small.clone();
+    less.readings = Arc::new(less.readings.less(channel, &law.errors));
+    let kept = traced.last.model.instances.iter().filter(|i| !law.replaces.contains(i));
+    let Ok(mut one) = fit(&less, kept.copied().collect(), Some(&traced.last)) else {
+        return Ok(None);
+    };
+    one.dof = (one.dof - law.told).max(0.0);
+    let (kind, effects) = (HypothesisKind::UnknownLaw, with_law(traced, law));
+    Ok(Some(Hypothesis { kind, effects, ..of_fit(traced, &less, &one, None)? }))
 }
 
 /// True where both have the same effects.
@@ -78,9 +97,13 @@ fn any_curve(found: &[Instance]) -> Vec<Instance> {
     found.iter().map(one).collect()
 }
 
-/// What a fit says, without a name.
-fn of_fit(traced: &Traced, one: &Fit, known: Option<&Known>) -> Result<Hypothesis, Error> {
-    let Traced { small, judge, .. } = traced;
+/// What a fit of a session says, without a name.
+fn of_fit(
+    traced: &Traced,
+    small: &Observations,
+    one: &Fit,
+    known: Option<&Known>,
+) -> Result<Hypothesis, Error> {
     let (values, covariance) = reported(one);
     let terms = one.model.term_parameters;
     let sd = |c: usize| (!one.unknowable[c]).then(|| covariance[(c, c)].max(0.0).sqrt());
@@ -95,7 +118,7 @@ fn of_fit(traced: &Traced, one: &Fit, known: Option<&Known>) -> Result<Hypothesi
         fit: SwitchFit {
             chi2: one.chi2,
             dof: one.dof,
-            p_value: judge.lack_of_fit(one),
+            p_value: traced.judge.lack_of_fit(one),
             rms_misclosure: one.rms_misclosure,
             values: values.into_iter().take(terms).map(Some).collect(),
             sd: (0..terms).map(sd).collect(),

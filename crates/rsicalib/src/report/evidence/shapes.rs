@@ -35,7 +35,7 @@ pub struct Evidence {
     pub weakest: Option<Weakest>,
     /// The fits with and without each suspect; null where nothing is suspected.
     pub switchboard: Option<Switchboard>,
-    /// What could be the matter, nothing first, each fitted: empty where nothing was found.
+    /// What could be the matter, nothing first, each fitted: empty where nothing is.
     pub hypotheses: Vec<Hypothesis>,
 }
 
@@ -200,8 +200,11 @@ pub enum HypothesisKind {
     Found,
     /// An explanation that is nearly as good.
     Rival,
-    /// A smooth curve in place of each sensor's law: a law that no term has.
+    /// A smooth curve in place of each sensor's law.
     AnyCurve,
+    /// A law that no term has: the readings less its likeliest errors. What it does at known poses is
+    /// not known.
+    UnknownLaw,
 }
 
 /// A joint, a point that a chain carries, or an end of closures that no chain carries.
