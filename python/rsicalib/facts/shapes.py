@@ -35,6 +35,7 @@ __all__ = [
     "Excluded",
     "Expected",
     "FitQuality",
+    "FoundLaw",
     "Groups",
     "Halves",
     "HeldOut",
@@ -44,6 +45,7 @@ __all__ = [
     "Largest",
     "Law",
     "LawParameter",
+    "LawParameter2",
     "Misclosure",
     "Moved",
     "Name",
@@ -732,6 +734,35 @@ class DependsOn(Record):
 
 
 @dataclass(frozen=True)
+class LawParameter2(Record):
+    """A parameter of a formula."""
+
+    name: str
+    """Its name in the formula."""
+    value: float
+    """The estimate, to first order."""
+    sd: float
+    """Standard deviation."""
+
+
+@dataclass(frozen=True)
+class FoundLaw(Record):
+    """A formula for the errors of a channel, which no term has."""
+
+    target: str
+    """The channel."""
+    formula: str
+    """The correction of its coordinate, as a mechanism file writes it."""
+    parameters: tuple[LawParameter2, ...]
+    """Its parameters."""
+    probability: float
+    """Its probability among all formulas that were weighed, and a smooth function of the same
+    variables."""
+    term: str
+    """Lines for the mechanism file that make it a term."""
+
+
+@dataclass(frozen=True)
 class Unexplained(Record):
     """What is left when nothing scores any more."""
 
@@ -746,6 +777,8 @@ class Unexplained(Record):
     depends_on: tuple[DependsOn, ...] = field(default=(), metadata=OMIT)
     """What the likeliest law that no term has depends on, where it ties with what was found, or
     something is left."""
+    law: FoundLaw | None = field(default=None, metadata=IF_KNOWN)
+    """A formula that is as likely as that law."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ use crate::diagnosis::verdict::{self, Compared, Determined, Evidence, Judgement,
 use crate::estimate::directions::{directions, place, reported, unit};
 use crate::estimate::progress::{Job, Progress, Stage};
 use crate::estimate::{Fit, Implicit, Note, Observations, Part, fit, with_groups};
-use crate::mechanism::Target;
+use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
 #[cfg(feature = "serde")]
 use crate::numerics::nullable;
@@ -184,6 +184,60 @@ pub struct Unexplained {
     /// something is left.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     pub depends_on: Vec<DependsOn>,
+    /// A formula that is as likely as that law.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub law: Option<FoundLaw>,
+}
+
+/// A formula for the errors of a channel, which no term has.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct FoundLaw {
+    /// The channel.
+    pub target: String,
+    /// The correction of its coordinate, as a mechanism file writes it.
+    pub formula: String,
+    /// Its parameters.
+    pub parameters: Vec<LawParameter>,
+    /// Its probability among all formulas that were weighed, and a smooth function of the same
+    /// variables.
+    pub probability: f64,
+    /// Lines for the mechanism file that make it a term.
+    pub term: String,
+}
+
+/// A parameter of a formula.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct LawParameter {
+    /// Its name in the formula.
+    pub name: String,
+    /// The estimate, to first order.
+    pub value: f64,
+    /// Standard deviation.
+    pub sd: f64,
+}
+
+impl FoundLaw {
+    fn of(mechanism: &Mechanism, law: &UnknownLaw) -> Option<Self> {
+        let written = law.written.as_ref()?;
+        let parameters = written.law.parameters.keys().zip(&written.values);
+        Some(Self {
+            target: law.target.name(mechanism),
+            formula: written.law.correction.clone()?,
+            parameters: parameters
+                .map(|(name, [value, sd])| LawParameter {
+                    name: name.clone(),
+                    value: *value,
+                    sd: *sd,
+                })
+                .collect(),
+            probability: written.probability,
+            term: words::as_term(&written.law),
+        })
+    }
 }
 
 /// What is left after a trace.
@@ -420,6 +474,7 @@ pub fn traced(
             text,
             kind: Some(Left::of(&residual)),
             depends_on: unknown.map(|law| law.depends_on.clone()).unwrap_or_default(),
+            law: unknown.and_then(|law| FoundLaw::of(&observations.mechanism, law)),
         },
         could_hide: hidden,
         estimates,

@@ -7,6 +7,7 @@ use crate::diagnosis::location::Location;
 use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::diagnosis::search::rivals::Explanation;
+use crate::diagnosis::unknown_law::formula::Written;
 use crate::diagnosis::unknown_law::variables::Quantity;
 use crate::diagnosis::unknown_law::{DependsOn, UnknownLaw};
 use crate::estimate::degrees::degrees_in;
@@ -15,7 +16,7 @@ use crate::estimate::noise::source::{NoiseEstimate, Source};
 use crate::estimate::suspicion::{Closes, InDegrees, Measure, Scaled, Shown, Suspicion, Witness};
 use crate::estimate::tried::{Gains, Origin};
 use crate::estimate::{AnchorKind, Fit, Observations};
-use crate::mechanism::{Mechanism, Target};
+use crate::mechanism::{Law, Mechanism, Target};
 use crate::model::Instance;
 use crate::monitor::closing::OpenLoops;
 use crate::numerics::lm::Termination;
@@ -23,7 +24,7 @@ use crate::readings::Readings;
 use crate::screening::blame::Blame;
 use crate::screening::excluded::Cause;
 use crate::screening::fault::FaultKind;
-use crate::text::significant;
+use crate::text::{significant, word};
 
 /// Where the noise is from.
 #[must_use]
@@ -668,13 +669,45 @@ pub fn unknown_law(mechanism: &Mechanism, law: &UnknownLaw) -> String {
         () if law.better() => "explains it better than what was found",
         () => "explains it as well as what was found",
     };
+    let formula = law.written.as_ref().map_or(String::new(), formula);
     format!(
         "a law that no term has, of {name}, that depends on {}, {how}: an error of {:.1e} {} root \
-         mean square. What would tell: {}",
+         mean square{formula}. What would tell: {}",
         on.join(" and on "),
         law.size,
         mechanism.coordinate_unit(law.target),
         next.join("; ")
+    )
+}
+
+/// A formula with its numbers.
+fn formula(written: &Written) -> String {
+    let parameters = written.law.parameters.keys().zip(&written.values);
+    let each: Vec<String> = parameters
+        .map(|(name, [value, sd])| {
+            format!("{name} = {} ± {}", significant(*value, 3), significant(1.96 * sd, 2))
+        })
+        .collect();
+    format!(
+        ", by {} with {} ({:.0} % likely)",
+        written.law.correction.as_deref().unwrap_or_default(),
+        each.join(", "),
+        100.0 * written.probability
+    )
+}
+
+/// A law as the lines of a mechanism file.
+#[must_use]
+pub fn as_term(law: &Law) -> String {
+    let sizes: Vec<String> =
+        law.parameters.iter().map(|(name, size)| format!("{name} = {size:e}")).collect();
+    format!(
+        "[[term]]\nid = \"{}\"\nclass = \"{}\"\nper = \"{}\"\nparameters = {{ {} }}\ncorrection = \"{}\"\n",
+        law.id,
+        word(&law.class),
+        word(&law.per),
+        sizes.join(", "),
+        law.correction.as_deref().unwrap_or_default()
     )
 }
 

@@ -31,7 +31,7 @@ const AMPLITUDES: i32 = 10;
 /// What the equations of a session tell of the errors of one channel, sample by sample.
 pub struct Errors {
     /// `Σ a²` of each sample.
-    square: Vec<f64>,
+    pub(super) square: Vec<f64>,
     /// `Aᵀ r - (Aᵀ Q) p`
     gradient: Vec<f64>,
     /// `Qᵀ a` of each sample.
@@ -118,7 +118,7 @@ impl Errors {
     }
 
     /// `M` and `u` of (71) for the columns of a basis.
-    fn normal(&self, basis: &Basis) -> (DMatrix<f64>, DVector<f64>) {
+    pub(super) fn normal(&self, basis: &Basis) -> (DMatrix<f64>, DVector<f64>) {
         let m = basis.degrees.len();
         let mut square = DMatrix::<f64>::zeros(m, m);
         let mut gradient = DVector::<f64>::zeros(m);
@@ -179,11 +179,11 @@ impl Likeliest {
 }
 
 /// Functions of one or two variables, the constant left out.
-struct Basis {
+pub(super) struct Basis {
     /// Their degrees.
-    degrees: Vec<f64>,
+    pub(super) degrees: Vec<f64>,
     /// Their values, sample by sample.
-    values: Vec<f64>,
+    pub(super) values: Vec<f64>,
 }
 
 impl Basis {

@@ -7,6 +7,7 @@
 //! price, and that of what it adds.
 
 mod evidence;
+pub(crate) mod formula;
 mod history;
 pub mod variables;
 
@@ -15,6 +16,7 @@ use crate::diagnosis::averaged::{Averaged, cost};
 use crate::diagnosis::price::{Data, Family, mean, prior};
 use crate::diagnosis::score::scored::{self, Scored, paid};
 use crate::diagnosis::unknown_law::evidence::{Errors, Evidence, Likeliest};
+use crate::diagnosis::unknown_law::formula::Written;
 use crate::diagnosis::unknown_law::variables::{Quantity, Variable, variables};
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::{Fit, Observations};
@@ -52,6 +54,8 @@ pub struct UnknownLaw {
     pub(crate) errors: Vec<f64>,
     /// What data tell of it, in parameters.
     pub(crate) told: f64,
+    /// A formula that does as well; none where none does, or where formulas do not know its variables.
+    pub written: Option<Written>,
 }
 
 /// A variable on which errors depend.
@@ -108,6 +112,8 @@ struct Scan {
     price: f64,
     /// Errors by the likeliest of them.
     likeliest: Likeliest,
+    /// The likeliest formula.
+    written: Option<Written>,
 }
 
 /// A fit beside which laws are weighed.
@@ -189,6 +195,7 @@ impl Averaged<'_> {
                     size: scan.likeliest.size()
                         * self.small.mechanism.channels[scan.channel].gain.abs(),
                     told: scan.likeliest.told,
+                    written: scan.written,
                     errors,
                     variables: on.iter().map(|one| one.0).collect(),
                     depends_on: on.into_iter().map(|one| one.1).collect(),
@@ -247,12 +254,34 @@ fn likeliest(
         let (set, best) = sets.iter().min_by(|a, b| a.1.price.total_cmp(&b.1.price))?;
         let of: Vec<&Variable> = set.iter().map(|&v| &variables[v]).collect();
         let likeliest = errors[0].likeliest(&of, best)?;
-        Some(Scan { channel, sets, price, likeliest })
+        Some(Scan { channel, sets, price, likeliest, written: None })
     });
     let scans: Vec<Scan> = scans.into_iter().flatten().collect();
     let places = scans.len() as f64 / prior(Family::Free);
     let best = scans.into_iter().min_by(|a, b| a.price.total_cmp(&b.price))?;
-    Some(Scan { price: best.price + 2.0 * places.ln(), ..best })
+    let written = formula_of(&beside[0], rows, &best, variables, data);
+    Some(Scan { price: best.price + 2.0 * places.ln(), written, ..best })
+}
+
+/// The likeliest formula of a channel, over the sets of variables that these data cannot tell apart.
+fn formula_of(
+    beside: &Beside,
+    rows: &[usize],
+    scan: &Scan,
+    variables: &[Variable],
+    data: &Data,
+) -> Option<Written> {
+    let gains = gain_of(beside.at.observations, variables, scan.channel);
+    let errors = Errors::of(&beside.at, rows, scan.channel, &gains);
+    let least = scan.sets.iter().map(|(_, e)| e.price).fold(f64::INFINITY, f64::min);
+    let likely = scan.sets.iter().filter(|(_, e)| e.price < least + AS_WELL);
+    let each = likely.filter_map(|(set, evidence)| {
+        let of: Vec<Quantity> = set.iter().map(|&v| variables[v].quantity).collect();
+        let smooth = evidence.price - beside.price;
+        formula::written(&beside.at, rows, scan.channel, &of, &errors, (data, beside.chi2, smooth))
+    });
+    let best = each.min_by(|a, b| a.price.total_cmp(&b.price))?;
+    (best.price < least - beside.price + AS_WELL).then_some(best)
 }
 
 /// A constant and the readings of a channel as orthonormal functions of the samples, where a closure makes
