@@ -80,7 +80,8 @@ def typeset(markdown: str, is_formula: Callable[[str], bool]) -> str:
         # An upright line would end the cell of a table.
         inner = mathml(inline).replace("|", "&#124;")
         said = escape(inline).replace("|", "&#124;")
-        return f'<math alttext="{said}"><mrow>{inner}</mrow></math>'
+        # A line that began with <math> would be a block of its own.
+        return f'<span><math alttext="{said}"><mrow>{inner}</mrow></math></span>'
 
     return PART.sub(part, markdown)
 

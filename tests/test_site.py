@@ -112,3 +112,11 @@ def test_laws_of_terms_are_typeset_and_names_of_parameters_are_not() -> None:
 )
 def test_a_formula_has_its_scripts_fractions_and_roots(text: str, expected: str) -> None:
     assert mathml(text) == expected
+
+
+def test_a_symbol_that_begins_a_line_stays_in_its_sentence() -> None:
+    markdown = pytest.importorskip("markdown")
+    page = markdown.markdown(typeset("Lengths, `l3 = 3.971`,\n`l4 = 1.5` in.", is_symbol))
+    assert page.count("<p>") == 1 and page.index("<math") < page.rindex("</math>") < page.index(
+        "in.</p>"
+    )

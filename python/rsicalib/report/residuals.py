@@ -204,7 +204,7 @@ def _label(chart: Chart, rows: FloatArray, far: dict[tuple[int, int], str], boun
             for low in (x + 6.0, x - 6.0 - long):
                 at, high = y + step, low + long
                 free = all(abs(at - v) >= LINE or high < a or low > b for a, b, v in taken)
-                if free and low >= 2.0 and high <= width and chart.y.end - 8.0 <= at:
+                if free and low >= chart.x.start and high <= width and chart.y.end - 8.0 <= at:
                     under = (abs(up - at) < LINE / 2) & (across > low - 3.0) & (across < high + 3.0)
                     found.append((int(under.sum()) + abs(step) / LINE, low, at))
         if found:
