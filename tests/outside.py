@@ -12,7 +12,8 @@ import argparse
 import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from copy import deepcopy
+from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import get_context
 from time import perf_counter
@@ -39,6 +40,8 @@ STRENGTH = (30.0, 300.0)
 """Noncentrality, drawn evenly in its logarithm."""
 GREW = 1.1
 """An error that is larger by this factor has grown."""
+STRONG = 100.0
+"""Noncentrality from which on a law should be told."""
 LAW = "unknown_law"
 """What a law that no term has is called in `also_fits`."""
 SAME = {"drift": "time", "hysteresis": "direction"}
@@ -58,6 +61,9 @@ simulator's own. [The search](search.md) says how such a law is weighed beside w
 - *place right*: the channel is named, or blamed, or what is left is said to be there.
 - *variables*: `unexplained.depends_on` names one of the law's variables, or says that it cannot be
   told from one that it names. There are none where the verdict is *explained* and no tie is told.
+- *a formula predicts check poses as the truth does*: its lines are pasted into the mechanism file,
+  the session is traced again, and points at check poses are at most {grew} times as far off as with
+  a calibration that knows the law, and not how large it is.
 - *error after above that before*: points at check poses are {grew} times worse than those of a
   calibration without what was found.
 - *left out*: the catalogue's own effects, the term that describes them taken out of the search.
@@ -155,6 +161,8 @@ class Told:
     before: float
     after: float
     seconds: float
+    told: float
+    """Error with the law that was found over that of the truth's own fit; zero without a law."""
 
     @property
     def wrong(self) -> bool:
@@ -212,8 +220,8 @@ def law_of(device: Device, rng: Rng) -> tuple[Effect, frozenset[str]]:
     return effect, variables
 
 
-def outside(family: str, number: int, seed: int) -> tuple[trials.Case, frozenset[str]]:
-    """A device with a law of its own."""
+def outside(family: str, number: int, seed: int) -> tuple[trials.Case, frozenset[str], Rng]:
+    """A device with a law of its own, its variables, and the draws of its session once more."""
     for attempt in range(40):
         place = [seed, PLACES.index(family), number, attempt]
         rng = np.random.default_rng(np.random.SeedSequence(place))
@@ -228,12 +236,13 @@ def outside(family: str, number: int, seed: int) -> tuple[trials.Case, frozenset
             effect = linear.scaled(effect, strength)
             if linear.is_of_few_poses(effect) or linear.twins(effect):
                 continue
+            again = deepcopy(rng)
             session = observe(device, scene, rng, (effect,))
         except ValueError:
             continue
         text = trials.toml(device)
         case = trials.Case(family, "outside", number, device, (effect,), (), session, check, text)
-        return case, variables
+        return case, variables, again
     raise RuntimeError(f"{family} {number}: no such device in forty drawings")
 
 
@@ -246,8 +255,9 @@ def run(asked: tuple[str, str, int], seed: int) -> Told:
     """One device."""
     kind, family, number = asked
     variables: frozenset[str] = frozenset()
+    draws: Rng | None = None
     if kind == "outside":
-        case, variables = outside(family, number, seed)
+        case, variables, draws = outside(family, number, seed)
     else:
         case = trials.make(family, "single" if kind == "left_out" else kind, number, seed)
     without = [e.term for e in case.effects] if kind == "left_out" else None
@@ -257,15 +267,11 @@ def run(asked: tuple[str, str, int], seed: int) -> Told:
     found = trace(readings, mechanism, without=without)
     seconds = perf_counter() - begin
     result = found.to_dict()
-    errors = []
-    for fit in (calibrate(readings, mechanism), found):
-        try:
-            with warnings.catch_warnings():
-                # Under what is wrong, the loops of the check poses do not close.
-                warnings.simplefilter("ignore", OpenLoopsWarning)
-                errors.append(trials.scored(case, mechanism, fit) or 0.0)
-        except (InputError, ValueError):
-            errors.append(0.0)
+    fits = (calibrate(readings, mechanism), found)
+    errors = [error_of(case, mechanism, fit) for fit in fits]
+    told = 0.0
+    if draws is not None and (law := pasted(case, found)):
+        told = error_of(case, *law) / max(of_truth(case, mechanism, draws), 1e-12)
     steps = result["steps"]
     ties = tuple(n["term"] for s in steps for n in s["also_fits"])
     right = {name for truth in case.truths for name in truth.names}
@@ -288,7 +294,50 @@ def run(asked: tuple[str, str, int], seed: int) -> Told:
         before=errors[0],
         after=errors[1],
         seconds=seconds,
+        told=told,
     )
+
+
+def error_of(case: trials.Case, mechanism: Mechanism, fit: Any) -> float:
+    """Error at the check poses, zero where there is none."""
+    try:
+        with warnings.catch_warnings():
+            # Under what is wrong, the loops of the check poses do not close.
+            warnings.simplefilter("ignore", OpenLoopsWarning)
+            return trials.scored(case, mechanism, fit) or 0.0
+    except (InputError, ValueError):
+        return 0.0
+
+
+def of_truth(case: trials.Case, mechanism: Mechanism, draws: Rng) -> float:
+    """Error at the check poses of a calibration that knows the law, and not how large it is.
+
+    The law is taken off the readings in three sizes, a standard deviation apart: χ² is a parabola.
+    """
+    (effect,) = case.effects
+    strength = Linear(case.device, case.session.scene).noncentrality(effect)
+    step = strength**-0.5
+
+    def less(part: float) -> tuple[trials.Case, Any]:
+        rest = (replace(effect, size=effect.size * (1.0 - part)),)
+        session = observe(case.device, case.session.scene, deepcopy(draws), rest)
+        fit = calibrate(trials.readings_of(mechanism, session), mechanism)
+        return replace(case, effects=rest, session=session), fit
+
+    low, middle_, high = (less(1.0 + k * step)[1].to_dict()["fit"]["chi2"] for k in (-1, 0, 1))
+    bend = low - 2.0 * middle_ + high
+    part = 1.0 + step * 0.5 * (low - high) / bend if bend > 0 else 1.0
+    rest, fit = less(part)
+    return error_of(rest, mechanism, fit)
+
+
+def pasted(case: trials.Case, found: Any) -> tuple[Mechanism, Any] | None:
+    """The mechanism with the law that was found, and its trace; none where no law was."""
+    law = found.to_dict()["unexplained"].get("law")
+    if not law:
+        return None
+    mechanism = Mechanism.from_toml(case.text + "\n" + law["term"])
+    return mechanism, trace(trials.readings_of(mechanism, case.session), mechanism)
 
 
 def table(rows: Sequence[Told]) -> list[tuple[str, str]]:
@@ -298,6 +347,15 @@ def table(rows: Sequence[Told]) -> list[tuple[str, str]]:
     out = [
         ("place right", cell([r.blamed for r in law])),
         ("variables right, or a tie that holds the right one", cell([r.variables for r in law])),
+        ("a formula is told", cell([r.told > 0 for r in law])),
+        (
+            f"the same, noncentrality {STRONG:g} or more",
+            cell([r.told > 0 for r in law if r.strength >= STRONG]),
+        ),
+        (
+            "the formula predicts check poses as the truth does, of all of that noncentrality",
+            cell([0 < r.told <= GREW for r in law if r.strength >= STRONG]),
+        ),
         ("explained by what the catalogue has, no tie told", cell([r.wrong for r in law])),
         (
             "the same, and no drift for a path travelled, nor hysteresis for play",
