@@ -115,8 +115,9 @@ pub(super) fn written(
     let weight = |price: f64| (-0.5 * (price - best.price)).exp();
     let all: f64 = sums.iter().map(|sum| weight(sum.price)).sum::<f64>() + weight(smooth);
     let (estimate, inverse) = solved(&best.of, &square, &gradient)?;
+    // A law corrects what the errors are.
     let values: Vec<[f64; 2]> =
-        (0..best.of.len()).map(|k| [estimate[k], inverse[(k, k)].max(0.0).sqrt()]).collect();
+        (0..best.of.len()).map(|k| [-estimate[k], inverse[(k, k)].max(0.0).sqrt()]).collect();
     let terms: Vec<&Factor> = best.of.iter().map(|&j| &products[j]).collect();
     let law = law(&terms, &values);
     law.formula().ok()?;
