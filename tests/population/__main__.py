@@ -158,7 +158,7 @@ def linear(options: argparse.Namespace) -> None:
             off = between * rng.standard_normal(len(between))
             h = root @ (root.T @ off + rng.standard_normal(len(between)))
             drawn.append({**share, "information": root @ root.T, "told": h})
-        found, _ = _core.population(drawn, tolerances)
+        found, *_ = _core.population(drawn, tolerances)
         counts["fleets"] += 1
         counts["anything named"] += bool(found["design"])
         counts["outliers"] += len(found["outliers"])
