@@ -28,7 +28,7 @@ from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
 __all__ = ["Fleet", "fleet"]
 
 PARTITION = 100
-"""Devices of a partition: a fifth of a second of work, which is what a lost worker costs."""
+"""Devices of a partition: a second of work or two, which is what a lost worker costs."""
 
 Progress = Callable[[str, int, int], None]
 
