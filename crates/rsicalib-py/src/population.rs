@@ -18,6 +18,9 @@ use crate::threads::work;
 /// Value and standard deviation of each parameter.
 type Values = Vec<(f64, f64)>;
 
+/// What devices share, each with the others, the device of each share, and the level of devices.
+type Population<'py> = (Bound<'py, PyAny>, Vec<Values>, Vec<usize>, Option<usize>);
+
 /// What a device tells, as Python carries it: matrices as arrays, the rest as lists.
 #[derive(FromPyObject)]
 pub struct PyShare<'py> {
@@ -136,7 +139,7 @@ pub fn population<'py>(
     shares: Vec<PyShare<'py>>,
     tolerances: Vec<f64>,
     levels: Option<Vec<Vec<usize>>>,
-) -> PyResult<(Bound<'py, PyAny>, Vec<Values>, Vec<usize>, Option<usize>)> {
+) -> PyResult<Population<'py>> {
     let levels = levels.unwrap_or_default();
     let shares: Vec<Share> = shares.iter().map(Share::from).collect();
     let n = tolerances.len();
