@@ -70,7 +70,12 @@ BY_HAND = {
         "interval of 95 %), `between` (standard deviation from device to device) and "
         "`between_interval`, of 95 % (null where devices differ by less than their own errors make "
         "them), `p_value` (null of unknown things, of which the drawing says nothing), "
-        "`common` (yes where it is no chance).",
+        "`common` (yes where it is no chance). With `--levels`, `half` and `p_value` are null "
+        "where fewer than three groups are independent, and `levels` has for each level, what "
+        "`--by` names first: `level`, `groups` (how many), `sd` between them (null where it cannot "
+        "be told), `interval` of 95 % (null where less than what is below "
+        "makes; an end is null where nothing bounds it), `same_as` (the level with the same "
+        "groups, or null).",
         "population": "With `--population`: what `population.json` holds.",
         "files": "Files that were written.",
     },
@@ -87,7 +92,8 @@ BY_HAND = {
         "`p_value`, `also_fits`.",
         "parameters": "A list: `term`, `target`, `name`, `unit`, `tolerance` (standard deviation "
         "by the drawing), `shift` (common to all devices), `sd` of the shift, `between` (standard "
-        "deviation from device to device) and `between_interval`, of 95 %.",
+        "deviation from device to device) and `between_interval`, of 95 %; with `--levels` also "
+        "`levels`, as in `rsicalib.fleet/1`.",
         "outliers": "Devices unlike the others, which tell nothing of them.",
     },
     "rsicalib.truth/1": {

@@ -399,9 +399,12 @@ def check(
 ) -> dict[str, Any]:
     """Error of a result on known poses, root mean square over components."""
 
-def common_shift(devices: Array) -> dict[str, Any] | None:
+def common_shift(
+    devices: Array, levels: Any = None
+) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
     """Common shift of a parameter, from a row for each device (distance from the drawing, sd):
-    `{devices, value, half, between, p_value}`, None for too few.
+    `{devices, value, half, between, p_value}`, None for too few; and how each level differs, what is
+    given first, where `levels` says for each level in which group each device is.
     """
 
 def compared(
@@ -626,10 +629,12 @@ def plan(
     """
 
 def population(
-    shares: Sequence[Mapping[str, Any]], tolerances: Sequence[float]
-) -> tuple[dict[str, Any], list[list[tuple[float, float]]]]:
+    shares: Sequence[Mapping[str, Any]], tolerances: Sequence[float], levels: Any = None
+) -> tuple[dict[str, Any], list[list[tuple[float, float]]], list[int], int | None]:
     """The joint estimate in the shape of the JSON, and value and deviation of the parameters of each
-    device with what the others tell (corrections of the drawing, (n, 2); empty for outliers).
+    device with what the others tell (corrections of the drawing, (n, 2); empty for outliers); the
+    device of each share, and the level of devices, where `levels` says for each level in which group
+    each share is.
     """
 
 def read_result(text: str) -> dict[str, Any]:

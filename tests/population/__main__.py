@@ -5,12 +5,13 @@ production; `sound` counts errors of the drawing that are named in fleets that h
 the same of what is said of every fleet, without a joint estimate; `forearm` counts fleets of 60
 devices whose forearm, .6 % too long in all of them, is named; `linear` counts what is named in many
 fleets without an error, drawn with the information of real devices; `sum` is the summed χ² of sound
-devices.
+devices; `speed` is the processor time of a device.
 """
 
 from __future__ import annotations
 
 import argparse
+import time
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
@@ -158,7 +159,7 @@ def linear(options: argparse.Namespace) -> None:
             off = between * rng.standard_normal(len(between))
             h = root @ (root.T @ off + rng.standard_normal(len(between)))
             drawn.append({**share, "information": root @ root.T, "told": h})
-        found, _ = _core.population(drawn, tolerances)
+        found, *_ = _core.population(drawn, tolerances)
         counts["fleets"] += 1
         counts["anything named"] += bool(found["design"])
         counts["outliers"] += len(found["outliers"])
@@ -178,10 +179,22 @@ def summed(options: argparse.Namespace) -> None:
     print(f"chi2/dof {chi2 / dof:.4f} ± {float(first):.4f} of {options.fleets * options.devices}")
 
 
+def speed() -> None:
+    """Processor time of `calibrate_devices` for each of 100 devices, fastest of three."""
+    for poses, samples in ((24, 4), (48, 8)):
+        partition, _ = frame(Production(length=0.0), 100, 3, poses=poses, samples=samples)
+        taken = []
+        for _ in range(3):
+            begun = time.process_time()
+            calibrate_devices(partition.frame, "rsi", trace=False)
+            taken.append(time.process_time() - begun)
+        print(f"{poses} poses of {samples} samples: {10 * min(taken):.1f} ms a device", flush=True)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parts = ("table", "sound", "first", "forearm", "linear", "sum")
+    parts = ("table", "sound", "first", "forearm", "linear", "sum", "speed")
     parser.add_argument("--part", choices=parts, default="table")
     parser.add_argument("--fleets", type=int, default=100, help="of table: devices of the fleet")
     parser.add_argument("--devices", type=int, default=60)
@@ -197,6 +210,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         named(options, Production(length=0.0005, design={"length@4": FOREARM}), 24)
     elif options.part == "linear":
         linear(options)
+    elif options.part == "speed":
+        speed()
     else:
         summed(options)
 

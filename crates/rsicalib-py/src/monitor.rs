@@ -2,7 +2,7 @@
 
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyAny, PyBytes, PyDict};
+use pyo3::types::{PyAny, PyBytes};
 use pythonize::pythonize;
 use rsicalib::Error;
 use rsicalib::monitor::closing::{Closing, Scale, closing};
@@ -60,7 +60,7 @@ impl PyMonitor {
         py: Python<'py>,
         readings: PyReadonlyArray1<'_, f64>,
         time: Option<f64>,
-    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    ) -> PyResult<Vec<Bound<'py, PyAny>>> {
         let found = readings.as_slice()?.len();
         let expected = self.channels;
         if found != expected {
@@ -68,7 +68,7 @@ impl PyMonitor {
         }
         let row = readings.as_slice()?;
         let alarms = work(py, || self.monitor.update(row, time).to_vec())?;
-        alarms.iter().map(|alarm| plain(py, alarm)).collect()
+        alarms.iter().map(|alarm| Ok(pythonize(py, alarm)?)).collect()
     }
 
     /// Tests many rows, shape (n, channels), with their times [s]. Returns the alarms.
@@ -78,7 +78,7 @@ impl PyMonitor {
         py: Python<'py>,
         readings: PyReadonlyArray2<'_, f64>,
         times: Option<PyReadonlyArray1<'_, f64>>,
-    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    ) -> PyResult<Vec<Bound<'py, PyAny>>> {
         let (found, expected) = (readings.as_array().ncols(), self.channels);
         if found != expected {
             return Err(PyError::from(shape(found, expected)).into());
@@ -88,7 +88,7 @@ impl PyMonitor {
         let alarms: Vec<Alarm> =
             work(py, || self.monitor.update_all(values, times).map(<[Alarm]>::to_vec))?
                 .map_err(PyError::from)?;
-        alarms.iter().map(|alarm| plain(py, alarm)).collect()
+        alarms.iter().map(|alarm| Ok(pythonize(py, alarm)?)).collect()
     }
 
     /// Rows so far, by what became of them.
@@ -190,33 +190,4 @@ fn closed(
 
 fn shape(found: usize, expected: usize) -> Error {
     Error::Shape { what: "a row".into(), found, expected }
-}
-
-/// An alarm as a dictionary, in the order of the JSON.
-fn plain<'py>(py: Python<'py>, alarm: &Alarm) -> PyResult<Bound<'py, PyDict>> {
-    let out = PyDict::new(py);
-    let since = alarm.since.unwrap_or(alarm.since_row as f64);
-    out.set_item("since", since)?;
-    out.set_item("since_row", alarm.since_row)?;
-    out.set_item("row", alarm.row)?;
-    out.set_item("time_s", alarm.time)?;
-    out.set_item("term", &alarm.spec.term)?;
-    out.set_item("target", &alarm.spec.target)?;
-    out.set_item("size", alarm.size)?;
-    out.set_item("sd", alarm.sd)?;
-    out.set_item("unit", &alarm.unit)?;
-    out.set_item("rate", pythonize(py, &alarm.rate)?)?;
-    out.set_item("parameters", pythonize(py, &alarm.parameters)?)?;
-    out.set_item("platform_rms", pythonize(py, &alarm.platform_rms)?)?;
-    out.set_item("p_value", alarm.p_value)?;
-    let also = alarm.also_fits.iter().map(|s| {
-        let one = PyDict::new(py);
-        one.set_item("term", &s.term)?;
-        one.set_item("target", &s.target)?;
-        Ok(one)
-    });
-    out.set_item("also_fits", also.collect::<PyResult<Vec<_>>>()?)?;
-    out.set_item("revises", alarm.revises)?;
-    out.set_item("action", pythonize(py, &alarm.action)?)?;
-    Ok(out)
 }

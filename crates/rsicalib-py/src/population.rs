@@ -7,7 +7,7 @@ use pythonize::pythonize;
 use rsicalib::estimate::Expected;
 use rsicalib::estimate::directions::ParameterReport;
 use rsicalib::model::Spec;
-use rsicalib::population::{Candidate, Share, Shift, Summed, middles};
+use rsicalib::population::{Candidate, Share, Shift, Spread, Summed, middles};
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
@@ -17,6 +17,9 @@ use crate::threads::work;
 
 /// Value and standard deviation of each parameter.
 type Values = Vec<(f64, f64)>;
+
+/// What devices share, each with the others, the device of each share, and the level of devices.
+type Population<'py> = (Bound<'py, PyAny>, Vec<Values>, Vec<usize>, Option<usize>);
 
 /// What a device tells, as Python carries it: matrices as arrays, the rest as lists.
 #[derive(FromPyObject)]
@@ -126,13 +129,18 @@ fn told<'py>(
 }
 
 /// The joint estimate in the shape of the JSON, and value and deviation of the parameters of each
-/// device with what the others tell (corrections of the drawing, (n, 2); empty for outliers).
+/// device with what the others tell (corrections of the drawing, (n, 2); empty for outliers); the
+/// device of each share, and the level of devices, where `levels` says for each level in which group
+/// each share is.
 #[pyfunction]
+#[pyo3(signature = (shares, tolerances, levels=None))]
 pub fn population<'py>(
     py: Python<'py>,
     shares: Vec<PyShare<'py>>,
     tolerances: Vec<f64>,
-) -> PyResult<(Bound<'py, PyAny>, Vec<Values>)> {
+    levels: Option<Vec<Vec<usize>>>,
+) -> PyResult<Population<'py>> {
+    let levels = levels.unwrap_or_default();
     let shares: Vec<Share> = shares.iter().map(Share::from).collect();
     let n = tolerances.len();
     let alike = |s: &Share| s.told.len() == n && s.information.len() == n * n;
@@ -145,8 +153,9 @@ pub fn population<'py>(
         })
         .into());
     }
-    let found = work(py, || rsicalib::population::found(&shares, &tolerances))?;
-    Ok((pythonize(py, &found)?, found.with_others))
+    let found = work(py, || rsicalib::population::found(&shares, &tolerances, &levels))?
+        .map_err(PyError::from)?;
+    Ok((pythonize(py, &found)?, found.with_others, found.device_of, found.level))
 }
 
 /// The tests of fit of many devices together: `{devices, chi2, dof, p_value}`, None for too few.
@@ -164,13 +173,24 @@ pub fn summed<'py>(
 }
 
 /// Common shift of a parameter, from a row for each device (distance from the drawing, sd):
-/// `{devices, value, half, between, p_value}`, None for too few.
+/// `{devices, value, half, between, p_value}`, None for too few; and how each level differs, what is
+/// given first, where `levels` says for each level in which group each device is.
 #[pyfunction]
+#[pyo3(signature = (devices, levels=None))]
 pub fn common_shift<'py>(
     py: Python<'py>,
     devices: PyReadonlyArray2<'py, f64>,
-) -> PyResult<Option<Bound<'py, PyAny>>> {
+    levels: Option<Vec<Vec<usize>>>,
+) -> PyResult<(Option<Bound<'py, PyAny>>, Bound<'py, PyAny>)> {
     let devices: Vec<_> = devices.as_array().rows().into_iter().map(|d| (d[0], d[1])).collect();
-    let found: Option<Shift> = rsicalib::population::common_shift(&devices);
-    Ok(found.map(|found| pythonize(py, &found)).transpose()?)
+    let levels = levels.unwrap_or_default();
+    let (shift, spreads): (Option<Shift>, Vec<Spread>) = if levels.is_empty() {
+        (rsicalib::population::common_shift(&devices), Vec::new())
+    } else {
+        work(py, || rsicalib::population::common_shift_of_levels(&devices, &levels))?
+            .map_err(PyError::from)?
+            .map_or((None, Vec::new()), |(shift, spreads)| (Some(shift), spreads))
+    };
+    let shift = shift.map(|shift| pythonize(py, &shift)).transpose()?;
+    Ok((shift, pythonize(py, &spreads)?))
 }

@@ -278,6 +278,8 @@ def make_parser() -> argparse.ArgumentParser:
     sub = verb(fleet)
     sub.add_argument("dataset", metavar="DATASET", help="Parquet or CSV, a file or a folder")
     sub.add_argument("--by", metavar="COLUMN", default="device", help="names the device (device)")
+    words = "groups that each of these is in, such as batch,tool: columns, or those of levels.csv"
+    sub.add_argument("--levels", metavar="COLUMN,…", type=_names, help=words)
     _add_mechanism(sub)
     sub.add_argument("--terms", metavar="TERM,…", type=_names, help="terms to identify")
     sub.add_argument("--noise", metavar="COUNTS|a11=1.2,…", type=_noise, help="of one sample")

@@ -281,8 +281,8 @@ def fleet(args: Args) -> int:
     """Many devices: a row of results each, and a page with those that stand out."""
     from rsicalib.fleets.run import fleet as calibrate_fleet
 
-    names = "mechanism out by terms closures noise trace held_out workers dask resume population "
-    names += "time_limit"
+    names = "mechanism out by levels terms closures noise trace held_out workers dask resume "
+    names += "population time_limit"
     options = {name: getattr(args, name) for name in names.split()}
     options |= {} if args.reports is None else {"reports": args.reports}
     with progress_of(args) or contextlib.nullcontext() as line:

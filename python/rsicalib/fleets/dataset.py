@@ -21,6 +21,9 @@ from rsicalib.plain_text import encodable
 
 __all__ = ["Dataset", "Partition", "Piece", "pyarrow_modules"]
 
+LEVELS = "levels.csv"
+"""File beside the readings that says of each device in which groups it is."""
+
 CUTS = 16
 """Pieces of a row group at most, as each of them reads all of it; of a dataset at least."""
 
@@ -131,6 +134,8 @@ class Dataset:
     - a folder of folders with `readings.csv` and perhaps `rest.csv`: a device each, named as
       its folder.
 
+    `levels.csv` beside any of them says for each device in which groups it is.
+
     Beside the first three, `rest.csv` or `rest.parquet` with the column `by` holds readings of
     the rest poses.
 
@@ -156,7 +161,7 @@ class Dataset:
         except OSError as error:
             found = f"what cannot be read ({error.strerror}: {error.filename})"
             raise InputError.at(str(path), found=found, expected="a file or a folder") from None
-        tables = [p for p in files if p.stem != "rest" or path.is_file()]
+        tables = [p for p in files if path.is_file() or (p.stem != "rest" and p.name != LEVELS)]
         self.parquet = [p for p in tables if p.suffix.lower() in PARQUET]
         self.folders = sorted(p.parent for p in tables if p.name == "readings.csv")
         self.csv = [p for p in tables if p.suffix.lower() == ".csv"] if not self.folders else []
@@ -171,6 +176,7 @@ class Dataset:
             found = "Parquet and CSV files" if kinds else "no Parquet and no CSV file"
             raise InputError.at(str(path), found=found, expected="one kind of files of readings")
         folder = path.parent if path.is_file() else path
+        self.levels = folder / LEVELS if (folder / LEVELS).is_file() else None
         beside = [folder / f"rest{suffix}" for suffix in (".csv", ".parquet")]
         found_rest = [p for p in beside if p.is_file() and p != path and not self.folders]
         self.rest = _columns(read_table(found_rest[0]), by) if found_rest else None

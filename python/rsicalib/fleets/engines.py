@@ -15,8 +15,9 @@ from typing import Any, Protocol, TypeAlias
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.fleets.dataset import Partition, Piece
-from rsicalib.fleets.devices import calibrate_devices
+from rsicalib.fleets.devices import calibrate_devices, without
 from rsicalib.fleets.frames import Rows, joined_rows
+from rsicalib.fleets.levels import groups_of
 from rsicalib.fleets.store import Parts
 
 __all__ = ["Job", "Part", "Task", "over_dask", "over_threads"]
@@ -62,13 +63,21 @@ class Job:
     options: Mapping[str, Any]
     """Keyword arguments of `calibrate_devices`."""
     parts: Parts | None = None
+    levels: tuple[str, ...] = ()
+    """Columns that say in which group of each level a device is."""
 
     def __call__(self, partition: Partition) -> Rows:
         """Calibrate the devices of a partition."""
         rows: Rows = {}
         refused = dict(partition.refused)
+        groups: dict[Any, tuple[str, ...]] = {}
         if len(partition.frame[self.by]):
             frame, rest = partition.frame, partition.rest
+            if self.levels:
+                groups, mixed = groups_of(frame, self.by, self.levels)
+                refused |= mixed
+                frame = without(frame, self.by, set(mixed))
+        if len(partition.frame[self.by]) and len(frame[self.by]):
             try:
                 rows = calibrate_devices(
                     frame, self.mechanism, by=self.by, rest=rest, **self.options
@@ -81,6 +90,8 @@ class Job:
         place = {label: k for k, label in enumerate(partition.labels)}
         order = sorted(range(len(place)), key=lambda k: place[made[self.by][k]])
         made = {name: [cells[k] for k in order] for name, cells in made.items()}
+        for k, level in enumerate(self.levels):
+            made[level] = [groups[label][k] if label in groups else "" for label in made[self.by]]
         if partition.files:
             made["file"] = [partition.files.get(label) for label in made[self.by]]
         return made

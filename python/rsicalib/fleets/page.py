@@ -242,15 +242,34 @@ def _differ(shifts: Sequence[Mapping[str, Any]]) -> str:
         return ""
     listed = []
     for one in shifts:
-        ends = one["between_interval"]
-        between = "less than their errors" if ends is None else " … ".join(map(number, ends))
-        shift = (
-            " ± ".join(plus_minus(one["value"], one["half"])) if one["p_value"] is not None else "–"
-        )
-        listed.append((one["parameter"], shift, number(one["between"]), between))
-    heads = ("parameter", "mean from the drawing", "sd between devices", "95 %")
+        told = one["p_value"] is not None and one["half"] is not None
+        shift = " ± ".join(plus_minus(one["value"], one["half"])) if told else "–"
+        if "levels" not in one:
+            apart = one["between"], _ends(one["between_interval"])
+            listed.append((one["parameter"], shift, number(apart[0]), apart[1]))
+            continue
+        for k, level in enumerate(one["levels"]):
+            head = (one["parameter"], shift) if k == 0 else ("", "")
+            name = f"{level['level']} ({level['groups']})"
+            if level["sd"] is None:
+                same = level["same_as"]
+                why = "one group" if same is None else f"the groups of {same}"
+                listed.append((*head, name, "not told", why))
+            else:
+                listed.append((*head, name, number(level["sd"]), _ends(level["interval"])))
+    heads: tuple[str, ...] = ("parameter", "mean from the drawing", "sd between devices", "95 %")
+    if shifts and "levels" in shifts[0]:
+        heads = (*heads[:2], "between (groups)", "sd", heads[3])
     words = "differences over the fleet"
     return section("How much devices differ", table(heads, listed, 1, words))
+
+
+def _ends(ends: Sequence[float | None] | None) -> str:
+    """An interval of 95 % of a standard deviation, in words."""
+    if ends is None:
+        return "less than their errors"
+    low, high = ends
+    return f"{number(low or 0.0)} … {'unknown' if high is None else number(high)}"
 
 
 def _parameters(spread: Sequence[Spread], rows: Mapping[str, Sequence[Any]], by: str) -> str:

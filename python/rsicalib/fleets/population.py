@@ -15,10 +15,11 @@ from rsicalib.fleets.dataset import Partition
 from rsicalib.fleets.devices import devices_of
 from rsicalib.fleets.engines import Part
 from rsicalib.fleets.frames import Rows, numbers_of
+from rsicalib.fleets.levels import Levels
 from rsicalib.fleets.store import Parts
 from rsicalib.options import names
 from rsicalib.work.arguments import noise_of_channels
-from rsicalib.work.prior import FORMAT
+from rsicalib.work.prior import FORMAT, spread_of
 
 __all__ = ["ShareJob", "first_line", "joint", "sentences", "tolerances_of"]
 
@@ -106,8 +107,13 @@ def joint(
     tolerances: Mapping[str, float],
     options: Mapping[str, Any],
     run: Run,
+    levels: Levels | None = None,
 ) -> tuple[dict[str, Any], Rows]:
-    """What the devices share, as `population.json` has it, and a row for each of them."""
+    """What the devices share, as `population.json` has it, and a row for each of them.
+
+    With levels, what `by` names is a part of a device, such as a session: the largest groups are
+    the devices.
+    """
     centre = _core.centre_of_population(mechanism)
     expected = {"centre": centre, "parameters": list(_drawn(tolerances))}
     found: dict[str, Any] = {}
@@ -128,16 +134,24 @@ def joint(
             )
         told = devices[0][1]
         own = [tolerances[_term(p, tolerances)] for p in told["parameters"]]
-        found, with_others = _core.population([share for _, share in devices], own)
+        shares, labels = [share for _, share in devices], [label for label, _ in devices]
+        above = Levels() if levels is None else levels.of(labels)
+        found, with_others, device, level = _core.population(shares, own, above.numbers or None)
         expected = {"centre": centre, "parameters": list(_common(found))}
-    found["outliers"] = [devices[k][0] for k in found["outliers"]]
+    if level is not None:
+        by, own_group = above.names[level], dict(zip(device, above.labels(level), strict=True))
+        labels = [own_group[k] for k in range(len(own_group))]
+    found["outliers"] = [labels[k] for k in found["outliers"]]
+    for parameter in found["parameters"]:
+        if "levels" in parameter:
+            parameter["levels"] = above.named(parameter["levels"])
     head: dict[str, Any] = {
         "format": FORMAT,
         "version": _core.__version__,
         "mechanism": mechanism.name,
     }
     head |= {"length_unit": mechanism.length_unit, "terms": list(tolerances), "centre": centre}
-    return head | found, _rows(by, told, [label for label, _ in devices], with_others)
+    return head | found, _rows(by, told, labels, with_others)
 
 
 def _drawn(tolerances: Mapping[str, float]) -> Iterator[tuple[str, str | None, None, float, float]]:
@@ -148,9 +162,9 @@ def _drawn(tolerances: Mapping[str, float]) -> Iterator[tuple[str, str | None, N
 
 
 def _common(found: Mapping[str, Any]) -> Iterator[tuple[str, str, str, float, float]]:
-    """What the fleet says of one of its devices."""
+    """What the fleet says of what was calibrated by itself."""
     for p in found["parameters"]:
-        yield p["term"], p["target"], p["name"], p["shift"], p["between"]
+        yield p["term"], p["target"], p["name"], p["shift"], spread_of(p)
 
 
 def _term(parameter: Sequence[str], tolerances: Mapping[str, float]) -> str:
@@ -169,7 +183,9 @@ def _rows(by: str, told: Mapping[str, Any], labels: list[Any], with_others: list
     return rows
 
 
-def first_line(rows: Mapping[str, Sequence[Any]], mechanism: Mechanism) -> dict[str, Any]:
+def first_line(
+    rows: Mapping[str, Sequence[Any]], mechanism: Mechanism, levels: Levels | None = None
+) -> dict[str, Any]:
     """What the rows of a fleet tell of it as a whole, without a joint estimate.
 
     Parameters
@@ -178,6 +194,8 @@ def first_line(rows: Mapping[str, Sequence[Any]], mechanism: Mechanism) -> dict[
         Columns of `fleet.parquet`.
     mechanism : Mechanism
         The drawing that parameters are compared with.
+    levels : Levels, optional
+        Groups of the rows.
 
     Returns
     -------
@@ -186,18 +204,25 @@ def first_line(rows: Mapping[str, Sequence[Any]], mechanism: Mechanism) -> dict[
         parameter from the drawing, in its unit, with the half width of an interval of 95 %, and the
         standard deviation between devices with its interval, None where they differ by less than
         their own errors would make them. Of unknown things the drawing says nothing: their mean is
-        no shift, and has no `p_value`.
+        no shift, and has no `p_value`. With levels each shift has `levels`, what was calibrated by
+        itself first; its mean is then that of the largest groups, and has no bound where levels
+        cross or fewer than three groups are left.
     """
     fits = np.column_stack([numbers_of(rows, name) for name in ("chi2", "dof", "p_value")])
     shifts = []
     for name in [n for n in rows if f"{n}_sd" in rows]:
         off = numbers_of(rows, name) - _value_drawn(name, mechanism)
-        found = _core.common_shift(np.column_stack([off, numbers_of(rows, f"{name}_sd")]))
+        off = np.column_stack([off, numbers_of(rows, f"{name}_sd")])
+        found, spreads = _core.common_shift(off, None if levels is None else levels.numbers)
         if found is not None:
+            if levels is not None:
+                told = levels.named(spreads)
+                found |= {"between": told[0]["sd"], "between_interval": told[0]["interval"]}
+                found["levels"] = told
+            elif found["between_interval"][1] == 0.0:
+                found["between_interval"] = None
             drawn = name.partition("@")[0] not in _core.UNKNOWN_THINGS
             shifts.append({"parameter": name, **found} | ({} if drawn else {"p_value": None}))
-            if found["between_interval"][1] == 0.0:
-                shifts[-1]["between_interval"] = None
     tested = [one for one in shifts if one["p_value"] is not None]
     for one in shifts:
         one["common"] = one in tested and one["p_value"] < LEVEL / len(tested)

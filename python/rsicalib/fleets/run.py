@@ -14,9 +14,10 @@ from rsicalib._core import Mechanism
 from rsicalib.cores import available_cores
 from rsicalib.errors import InputError
 from rsicalib.fleets.dataset import Dataset, Partition, Piece
-from rsicalib.fleets.devices import digests, without
+from rsicalib.fleets.devices import NUMBERS, digests, without
 from rsicalib.fleets.engines import Job, Part, Task, over_dask, over_threads
-from rsicalib.fleets.frames import Rows
+from rsicalib.fleets.frames import TEXT, Rows
+from rsicalib.fleets.levels import Levels, beside
 from rsicalib.fleets.page import page
 from rsicalib.fleets.population import first_line, joint, sentences, tolerances_of
 from rsicalib.fleets.reports import write_reports
@@ -29,7 +30,7 @@ from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
 __all__ = ["Fleet", "fleet"]
 
 PARTITION = 100
-"""Devices of a partition: a fifth of a second of work, which is what a lost worker costs."""
+"""Devices of a partition: a second of work or two, which is what a lost worker costs."""
 
 REPORTS = 10
 """Reports of single devices: ten seconds of work."""
@@ -110,6 +111,7 @@ def fleet(
     *,
     out: PathLike,
     by: str = "device",
+    levels: Sequence[str] | None = None,
     terms: Sequence[str] | None = None,
     closures: Sequence[str] | None = None,
     noise: float | Mapping[str, float] | None = None,
@@ -136,6 +138,10 @@ def fleet(
         Folder for `fleet.parquet`, `fleet.html`, `run.json` and `devices`.
     by : str
         Column that says which device a row belongs to.
+    levels : sequence of str, optional
+        Columns that say in which group each of these is: a device of sessions, a batch, a tool. A
+        column of the dataset, or of `levels.csv` beside it, which has a row for each. How the
+        groups of each differ is told in `first` and in `population.json`.
     terms, closures, noise, trace, held_out : optional
         As in `calibrate_devices`.
     workers : int, optional
@@ -176,12 +182,20 @@ def fleet(
         "trace": trace,
         "held_out": held_out,
     }
+    above = tuple(names("levels", levels) or ())
     job = Job(open_mechanism(mechanism), by, {**options, "time_limit": time_limit})
+    own = {by, *TEXT, *NUMBERS, *(channel.name for channel in job.mechanism.channels)}
+    if not own.isdisjoint(above) or len(set(above)) < len(above):
+        wrong = next(name for name in above if name in own or above.count(name) > 1)
+        expected = "other columns, each once, than those of readings and results"
+        raise InputError(f"levels: found {wrong!r}, expected {expected}")
     tolerances = tolerances_of(job.mechanism, names("terms", terms)) if population else {}
     source = Dataset(Path(dataset), by)
-    store = Store(Path(out), by, _run(job.mechanism, by, options))
+    in_rows = above if source.levels is None else ()
+    kept = {**options, **({"levels": list(in_rows)} if in_rows else {})}
+    store = Store(Path(out), by, _run(job.mechanism, by, kept))
     known = store.begin(resume)
-    job = replace(job, parts=store.parts)
+    job = replace(job, parts=store.parts, levels=in_rows)
     # Where rows are kept, the digest of each device's readings decides, which is told here.
     pieces = None if store.resumed else source.pieces(PARTITION)
     order: dict[Any, int] = {}
@@ -219,12 +233,13 @@ def fleet(
     table = store.finish(order)
     if not table or (store.resumed and not order):
         raise InputError.at(str(dataset), found="no device", expected="at least one")
-    first, found = first_line(table, job.mechanism), None
+    grouped = _levels(table, by, above, source.levels) if above else None
+    first, found = first_line(table, job.mechanism, grouped), None
     files: tuple[Path, ...] = ()
     if population:
         used = {name: options[name] for name in ("closures", "noise")}
         again = lambda task: over(task, iter(all_parts()))  # noqa: E731
-        found, devices = joint(job.mechanism, by, tolerances, used, again)
+        found, devices = joint(job.mechanism, by, tolerances, used, again, grouped)
         files = store.write_population(found, devices)
     said = sentences(first, found)
     out_of = remarks(table, by, spreads(table))
@@ -240,6 +255,19 @@ def fleet(
     )
     html = page(table, by, job.mechanism, said, Path(out), first["shifts"], links)
     return Fleet(table, by, (*store.write_page(html), *files), first, found)
+
+
+def _levels(
+    table: Mapping[str, Sequence[Any]], by: str, names: tuple[str, ...], file: Path | None
+) -> Levels:
+    """The groups of each row: what `levels.csv` says, or the columns of the dataset."""
+    units = list(table[by])
+    if file is not None:
+        groups = beside(file, by, names)
+    else:
+        cells = zip(*(list(table[name]) for name in names), strict=True)
+        groups = {str(unit): own for unit, own in zip(units, cells, strict=True)}
+    return Levels(by, names, groups).of(units)
 
 
 def _unknown(partition: Partition, known: Mapping[Any, str], job: Job) -> Partition:

@@ -80,6 +80,8 @@ class Parts:
     by: str
     mark: str
     """A file of this run in it: whoever sees the file sees the folder of the client."""
+    texts: tuple[str, ...] = TEXT
+    """Columns that hold text."""
 
     def keep(self, place: str, rows: Rows) -> Rows:
         """Write rows of a partition, by its place in the dataset; what is left to be written.
@@ -88,7 +90,7 @@ class Parts:
         """
         if not rows or not (self.folder / self.mark).exists():
             return rows
-        write_rows(self.folder / f"{place}.parquet", rows, self.by)
+        write_rows(self.folder / f"{place}.parquet", rows, self.by, self.texts)
         return {self.by: rows[self.by]}
 
     def lacks(self, rows: Rows) -> bool:
@@ -96,10 +98,10 @@ class Parts:
         return bool(rows.keys() - {self.by})
 
 
-def write_rows(path: Path, rows: Rows, by: str) -> None:
+def write_rows(path: Path, rows: Rows, by: str, texts: Sequence[str] = TEXT) -> None:
     """Write results as a Parquet file that takes its place when it is whole."""
     arrow, parquet = pyarrow_modules(str(path))
-    kinds = {name: arrow.string() if name in TEXT else arrow.float64() for name in rows}
+    kinds = {name: arrow.string() if name in texts else arrow.float64() for name in rows}
     kinds[by] = None
     columns = {n: arrow.array(cells, kinds[n], from_pandas=True) for n, cells in rows.items()}
     _whole(path, lambda part: parquet.write_table(arrow.table(columns), part))
@@ -137,7 +139,8 @@ class Store:
     def __init__(self, folder: Path, by: str, run: Mapping[str, Any]) -> None:
         self.folder, self.by, self.run = folder, by, dict(run)
         inside = Path(os.path.abspath(folder)) / "parts"
-        self.parts = Parts(inside, by, f"{secrets.token_hex(8)}.run")
+        texts = (*TEXT, *self.run.get("levels", ()))
+        self.parts = Parts(inside, by, f"{secrets.token_hex(8)}.run", texts)
         self.table = folder / "fleet.parquet"
         self.arrow, self.parquet = pyarrow_modules(str(self.table))
         self.number = 0
@@ -198,7 +201,7 @@ class Store:
     def keep(self, place: str, rows: Rows) -> None:
         """Write the rows of a partition, by its place in the dataset, where no worker has."""
         if self.parts.lacks(rows):
-            write_rows(self.parts.folder / f"{place}.parquet", rows, self.by)
+            write_rows(self.parts.folder / f"{place}.parquet", rows, self.by, self.parts.texts)
 
     def finish(self, order: Mapping[Any, int]) -> OnDisk:
         """All rows of devices that are in the dataset, in its order, as the one file.
@@ -208,7 +211,8 @@ class Store:
         """
         parts = sorted(self.parts.folder.glob("*.parquet"))
         if self.resumed:
-            write_rows(self.table, self._merged([self.table, *parts], order), self.by)
+            merged = self._merged([self.table, *parts], order)
+            write_rows(self.table, merged, self.by, self.parts.texts)
         elif parts:
             _whole(self.table, lambda part: self._copied(parts, part))
         for path in self.parts.folder.glob("*"):
@@ -248,7 +252,7 @@ class Store:
     def write_population(self, found: Mapping[str, Any], devices: Rows) -> tuple[Path, ...]:
         """Write what the devices share, and a row for each with it."""
         place = self.folder / "population.parquet"
-        write_rows(place, devices, self.by)
+        write_rows(place, devices, next(iter(devices)))
         return (write_text(self.folder / "population.json", to_json(found)), place)
 
     def write_page(self, html: str) -> tuple[Path, ...]:

@@ -4,19 +4,24 @@ use crate::apply::change::PlatformRms;
 use crate::model::Spec;
 
 /// A change of the device since its calibration.
+///
+/// Written as JSON its fields are those of `rsicalib.alarm/1`, in the same order.
 #[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct Alarm {
-    /// Number of the row that raised it, from 0, all rows counted.
+    /// Time of the first row of the change (s), or its number where rows have no time.
+    pub since: f64,
+    /// Number of that row, from 0, all rows counted, as far as the grid of onsets tells.
+    pub since_row: u64,
+    /// Number of the row that raised it.
     pub row: u64,
     /// Time of that row (s).
+    #[cfg_attr(feature = "serde", serde(rename = "time_s"))]
     pub time: Option<f64>,
-    /// Number of the first row of the change, as far as the grid of onsets tells.
-    pub since_row: u64,
-    /// Time of that row (s).
-    pub since: Option<f64>,
     /// The term and what it acts on: `offset@a22`, `link_frame@arm2/2`, `distance@wrist1-wrist2`,
     /// `gain@a22`, `reference@all`; `noise@a22`, `stuck@a22`, `loose@arm2`; `unnamed@arm2`.
+    #[cfg_attr(feature = "serde", serde(flatten, serialize_with = "named::serialize"))]
     pub spec: Spec,
     /// How large: the value of a single parameter, or the length of a displacement; of a drift, by
     /// how much it has moved until this row.
@@ -35,12 +40,40 @@ pub struct Alarm {
     /// Probability of such a deviation by chance, corrected for the number of tests of a sample.
     pub p_value: f64,
     /// Other changes that fit as well.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "named::all"))]
     pub also_fits: Vec<Spec>,
     /// Row of an earlier alarm that this one corrects: since then the readings have told what it
     /// was. None for a new change.
     pub revises: Option<u64>,
     /// What to do about it.
     pub action: Action,
+}
+
+/// Term and target of what has changed, which has no other place.
+#[cfg(feature = "serde")]
+mod named {
+    use serde::ser::{Serialize, SerializeStruct, Serializer};
+
+    use crate::model::Spec;
+
+    struct Named<'a>(&'a Spec);
+
+    impl Serialize for Named<'_> {
+        fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+            serialize(self.0, to)
+        }
+    }
+
+    pub(super) fn serialize<S: Serializer>(spec: &Spec, to: S) -> Result<S::Ok, S::Error> {
+        let mut out = to.serialize_struct("Spec", 2)?;
+        out.serialize_field("term", &spec.term)?;
+        out.serialize_field("target", &spec.target)?;
+        out.end()
+    }
+
+    pub(super) fn all<S: Serializer>(specs: &[Spec], to: S) -> Result<S::Ok, S::Error> {
+        to.collect_seq(specs.iter().map(Named))
+    }
 }
 
 /// What a change asks for.

@@ -78,6 +78,7 @@ impl Monitor {
         for &column in &model {
             let position = self.watched.order.iter().position(|&o| o == column)?;
             if position >= self.watched.uncertain {
+                self.score.turned.swap(position, self.watched.uncertain);
                 self.watched.join(position);
             }
         }
@@ -215,6 +216,7 @@ impl Monitor {
         self.unsteady.push(own);
         self.pass(open, &open.known.clone(), &rows);
         self.restart();
+        self.take_turned(last);
         true
     }
 }

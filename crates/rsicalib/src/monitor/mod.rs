@@ -69,6 +69,7 @@ mod suspects;
 mod tails;
 mod telling;
 mod thresholds;
+mod turned;
 mod unsteady;
 mod watch;
 mod watched;

@@ -110,7 +110,7 @@ impl Monitor {
             row: tested.row,
             time: tested.time,
             since_row: since.row,
-            since: since.time,
+            since: since.time.unwrap_or(since.row as f64),
             p_value: self.thresholds.p_value(best.rank, best.statistic, self.values()),
             ..Alarm::default()
         };

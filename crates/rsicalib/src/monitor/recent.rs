@@ -47,6 +47,11 @@ impl Recent {
         self.times[at]
     }
 
+    /// Rows that are kept, at most.
+    pub(crate) fn most(&self) -> u64 {
+        self.numbers.len() as u64
+    }
+
     /// Leaves out a row that turned out to be bad.
     pub(crate) fn leave_out(&mut self, number: u64) {
         if let Some(found) = self.numbers.iter_mut().find(|n| **n == Some(number)) {

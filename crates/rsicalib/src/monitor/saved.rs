@@ -58,6 +58,7 @@ impl Monitor {
         shape.extend(self.recent.lengths());
         shape.extend(self.tails.lengths());
         shape.extend(self.runs.lengths());
+        shape.push(self.score.turned.len());
         shape
     }
 
@@ -86,7 +87,7 @@ impl Keep for Monitor {
         fields!(bytes, self.state.size, self.state.mean, self.state.covariance);
         fields!(bytes, self.runs, self.stuck, self.unsteady, self.lately, self.silent);
         fields!(bytes, self.spread, self.scale, self.dof, self.waiting, self.held, self.age);
-        fields!(bytes, self.recent, self.open, self.tails);
+        fields!(bytes, self.recent, self.open, self.tails, self.score.turned);
     }
 }
 

@@ -8,7 +8,8 @@ use crate::monitor::windows::Sums;
 /// Largest number of columns of a candidate, or of all suspects of a change together.
 pub(crate) const MOST_COLUMNS: usize = 36;
 
-/// Part of the information about a direction that the other parameters must leave.
+/// Part of the information about a direction that the other parameters must leave, where the noise of
+/// readings makes less.
 const LEFT: f64 = 1e-7;
 
 /// Buffers of a test, and what it has found.
@@ -24,6 +25,10 @@ pub(crate) struct Score {
     sums: Vec<f64>,
     /// Diagonal of `D_zz`.
     raw: [f64; MOST_COLUMNS],
+    /// Part of the information about each that the others must leave.
+    floor: [f64; MOST_COLUMNS],
+    /// `ν` of each column of the state, (163).
+    pub(crate) turned: Vec<f64>,
     factor: [f64; MOST_COLUMNS * MOST_COLUMNS],
     whitened: [f64; MOST_COLUMNS],
 }
@@ -38,6 +43,8 @@ impl Score {
             absorbed: vec![0.0; MOST_COLUMNS * most],
             sums: vec![0.0; most],
             raw: [0.0; MOST_COLUMNS],
+            floor: [LEFT; MOST_COLUMNS],
+            turned: vec![0.0; most],
             factor: square,
             whitened: [0.0; MOST_COLUMNS],
         }
@@ -53,7 +60,9 @@ impl Score {
         onset: &Sums,
     ) -> (f64, usize) {
         let (m, width) = (state.size, now.scores.len());
+        let samples = now.mark.samples.saturating_sub(onset.mark.samples) as f64;
         for (i, &z) in columns.iter().enumerate() {
+            self.floor[i] = LEFT.max(samples * self.turned[z]);
             let rows = (&now.products[z * width..], &onset.products[z * width..]);
             for ((d, now), onset) in self.sums[..m].iter_mut().zip(rows.0).zip(rows.1) {
                 *d = now - onset;
@@ -92,7 +101,7 @@ impl Score {
             }
             let taken: f64 = self.factor[i * W..i * W + i].iter().map(|f| f * f).sum();
             let pivot = self.information[i * W + i] - taken;
-            if pivot > LEFT * self.raw[i] && pivot > 0.0 {
+            if pivot > self.floor[i] * self.raw[i] && pivot > 0.0 {
                 self.factor[i * W + i] = pivot.sqrt();
                 self.whitened[i] = left / pivot.sqrt();
                 statistic += self.whitened[i].powi(2);

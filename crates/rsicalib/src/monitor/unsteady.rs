@@ -233,6 +233,27 @@ impl Whitener {
 }
 
 impl Watched {
+    /// What is unsteady adds to the square of an equation, on the average, in noise of the variance
+    /// `scale`; `g` is not made white.
+    pub(crate) fn loudness(
+        &self,
+        unsteady: &[Unsteady],
+        g: &[f64],
+        equations: usize,
+        scale: f64,
+    ) -> f64 {
+        let width = g.len() / equations.max(1);
+        let of = |one: &Unsteady| {
+            let columns = self.columns_of(&self.places[one.place]);
+            let square = |(column, unit): (usize, f64)| {
+                let along = g.chunks_exact(width).map(|row| row[column].powi(2)).sum::<f64>();
+                along * (one.deviation / unit).powi(2) / scale
+            };
+            columns.map(square).sum::<f64>()
+        };
+        unsteady.iter().map(of).sum::<f64>() / equations.max(1) as f64
+    }
+
     /// Columns of a place, with their units.
     fn columns_of(&self, place: &Place) -> impl Iterator<Item = (usize, f64)> + Clone {
         let own = &self.candidates[place.candidate];

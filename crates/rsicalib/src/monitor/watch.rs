@@ -112,7 +112,8 @@ impl Monitor {
     /// Tests one row: the reading of each channel, in the channel's unit, and its time (s).
     ///
     /// Returns the alarms that it raises. A row that cannot be used, is late or repeated is
-    /// counted and otherwise ignored. After the first row, memory is allocated only for an alarm.
+    /// counted and otherwise ignored. After the first row, memory is allocated only for an alarm, and now and then
+    /// while something is unsteady.
     pub fn update(&mut self, readings: &[f64], time: Option<f64>) -> &[Alarm] {
         self.alarms.clear();
         if let Some(tested) = self.judge(readings, time) {
@@ -261,6 +262,9 @@ impl Monitor {
         if due {
             self.recentre();
             self.look_again(tested);
+            if !self.unsteady.is_empty() {
+                self.take_turned(tested.row);
+            }
         }
         due
     }

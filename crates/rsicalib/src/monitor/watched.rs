@@ -281,15 +281,21 @@ fn names(mechanism: &Mechanism, info: &Info, target: Target) -> Vec<(&'static st
 
 /// Refuses mechanisms whose loops are not closed in every sample.
 fn refuse(mechanism: &Mechanism) -> Result<(), Error> {
-    const WHY: &str = "the watch tests that the same loops close in every sample";
+    macro_rules! why {
+        () => {
+            "the watch tests that the same loops close in every sample"
+        };
+    }
     let (needs, why) = if mechanism.closures.is_empty() {
-        ("closure", WHY)
+        ("closure", why!())
     } else if !mechanism.key_columns().is_empty() {
-        let known = "the watch tests that the same loops close in every sample: write what the calibration found as `at` \
-                     of the point, or as the plane, in place of `unknown`";
+        let known = concat!(
+            why!(),
+            ": write what the calibration found as `at` of the point, or as the plane, in place of `unknown`"
+        );
         ("closure without unknown points", known)
     } else if !mechanism.value_columns().is_empty() {
-        ("closure of a constant value", WHY)
+        ("closure of a constant value", why!())
     } else {
         return Ok(());
     };

@@ -68,7 +68,7 @@ impl Monitor {
             Better::Stuck(place, evidence) => {
                 let channel = self.watched.places[place].channel.unwrap_or_default();
                 let (began, _) = self.runs.of(channel);
-                let alarm = self.stuck_alarm(open, channel, began, evidence);
+                let alarm = self.stuck_alarm(open, channel, began, evidence, tested);
                 self.go_back(open);
                 self.stuck.push(channel);
                 Some(vec![Alarm { row: tested.row, time: tested.time, revises, ..alarm }])
@@ -294,7 +294,14 @@ impl Monitor {
         }
     }
 
-    fn stuck_alarm(&self, open: &Open, channel: usize, began: u64, evidence: f64) -> Alarm {
+    fn stuck_alarm(
+        &self,
+        open: &Open,
+        channel: usize,
+        began: u64,
+        evidence: f64,
+        tested: Tested,
+    ) -> Alarm {
         let mechanism = &self.watched.under.model.mechanism;
         let own = &mechanism.channels[channel];
         let value = self.runs.reading(channel);
@@ -302,7 +309,11 @@ impl Monitor {
         Alarm {
             spec: Spec { term: STUCK.into(), target: Some(own.name.clone()), place: None },
             since_row: began,
-            since: self.recent.time_of(began).or(open.alarm.since),
+            since: match (self.recent.time_of(began), tested.time) {
+                (Some(time), _) => time,
+                (None, Some(_)) => open.alarm.since,
+                (None, None) => began as f64,
+            },
             size: self.runs.rows(channel) as f64,
             sd: 0.0,
             unit: "rows".into(),
@@ -345,7 +356,7 @@ impl Monitor {
             row: tested.row,
             time: tested.time,
             since_row,
-            since,
+            since: since.unwrap_or(since_row as f64),
             spec: Spec { term: UNNAMED.into(), target, place: None },
             size: all.len() as f64,
             unit: "alarms".into(),

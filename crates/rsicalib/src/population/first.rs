@@ -1,8 +1,12 @@
 //! What the rows of a fleet tell without a joint estimate: the summed χ² and common shifts.
 
+use faer::Mat;
+
+use crate::Error;
 use crate::numerics::distributions::{
     chi2_quantile, f_tail, normal_cdf, normal_quantile, student_quantile,
 };
+use crate::population::levels::{Levels, Spread};
 
 /// Common error of the noise of a fleet, in parts, that a sum of χ² must not take for an effect.
 const NOISE: f64 = 0.01;
@@ -51,14 +55,14 @@ pub struct Shift {
     pub devices: usize,
     /// Mean distance from the drawing, in the parameter's unit.
     pub value: f64,
-    /// Half width of the interval of 95 %.
-    pub half: f64,
+    /// Half width of the interval of 95 %; none where fewer than three are independent.
+    pub half: Option<f64>,
     /// Standard deviation between devices, beside the noise of their estimates.
     pub between: f64,
     /// Interval of 95 % of that.
     pub between_interval: [f64; 2],
-    /// Probability of as much where the drawing is right.
-    pub p_value: f64,
+    /// Probability of as much where the drawing is right; none as of `half`.
+    pub p_value: Option<f64>,
 }
 
 /// Common shift of a parameter: estimates and standard deviations of devices, from the drawing.
@@ -113,9 +117,51 @@ pub fn common_shift(devices: &[(f64, f64)]) -> Option<Shift> {
     Some(Shift {
         devices: all.len(),
         value,
-        half: student_quantile(0.975, dof) * variance.sqrt(),
+        half: Some(student_quantile(0.975, dof) * variance.sqrt()),
         between: between.sqrt(),
         between_interval: [0.025, 0.975].map(|p| tau2(chi2_quantile(p, dof)).sqrt()),
-        p_value: f_tail(value * value / variance, 1.0, dof),
+        p_value: Some(f_tail(value * value / variance, 1.0, dof)),
     })
+}
+
+/// [`common_shift`] of what has levels above it, and how each level differs, what is given first:
+/// `levels` says for each level in which group each one is.
+///
+/// The largest groups are independent where levels nest: their means, with all that is below and
+/// themselves as noise, are what the shift is from. Where levels cross nothing is independent, and the
+/// shift has no bound.
+///
+/// # Errors
+///
+/// As [`Levels::new`].
+pub fn common_shift_of_levels(
+    devices: &[(f64, f64)],
+    levels: &[Vec<usize>],
+) -> Result<Option<(Shift, Vec<Spread>)>, Error> {
+    let known = |d: &(f64, f64)| d.0.is_finite() && d.1.is_finite() && d.1 > 0.0;
+    let which: Vec<usize> = (0..devices.len()).filter(|&d| known(&devices[d])).collect();
+    if which.len() < 3 {
+        return Ok(None);
+    }
+    let precision = |d: &usize| devices[*d].1.powi(-2);
+    let information: Vec<Mat<f64>> =
+        which.iter().map(|d| Mat::from_fn(1, 1, |_, _| precision(d))).collect();
+    let told: Vec<Vec<f64>> = which.iter().map(|d| vec![precision(d) * devices[*d].0]).collect();
+    let groups: Vec<Vec<usize>> = levels
+        .iter()
+        .map(|level| which.iter().filter_map(|&d| level.get(d).copied()).collect())
+        .collect();
+    let of = Levels::new(&information, &told, &[0], &groups, 0.0)?;
+    let spreads: Vec<Spread> = of.spreads().into_iter().map(|level| level[0]).collect();
+    let means = of.means();
+    let shift = means.as_deref().and_then(common_shift);
+    let alone = || Shift {
+        devices: which.len(),
+        value: of.mean(),
+        half: None,
+        between: 0.0,
+        between_interval: [0.0; 2],
+        p_value: None,
+    };
+    Ok(Some((Shift { devices: which.len(), ..shift.unwrap_or_else(alone) }, spreads)))
 }
