@@ -1,0 +1,104 @@
+//! Delays of a recording whose residual resembles its neighbours.
+//!
+//! A motion is smooth, and so is what a delay leaves of it: each row resembles the next, as with noise that
+//! varies slowly, of which few rows in a hundred say something new. Where the search takes it for that, it finds
+//! nothing. But a delay goes with the motion, from row to row, as slow noise does not. So delays are looked
+//! for first, all rows taken for independent, and kept as far as they explain how the residual changes from row
+//! to row,
+//!
+//! ```text
+//! e_i = r_i - ρ r_i-1,    ρ = Σ r_i r_i-1 / Σ r_i²,    T = Σ_k n_k ln(Σ e² / Σ e'²)          (167)
+//! ```
+//!
+//! with the residual `r` of equation `k` without, and `e'` with them, both in units of one noise. Each must pay for
+//! itself by (118), beside the others. What else there is, is then searched for beside them.
+
+use crate::Error;
+use crate::diagnosis::options::{LEVEL, SearchOptions};
+use crate::diagnosis::price::{charge, of_places};
+use crate::diagnosis::search::outcome::{FoundEffect, Searched};
+use crate::estimate::{Fit, Implicit, Observations, Part, fit};
+use crate::model::Instance;
+use crate::terms;
+
+/// Delays that were found, and the fit with them.
+pub(crate) struct Delays {
+    pub found: Vec<FoundEffect>,
+    pub fit: Fit,
+}
+
+/// Delays beside a fit of a recording; none where its residual does not resemble its neighbours, or they
+/// explain none of its changes. `search` is a search from a fit of these terms.
+///
+/// # Errors
+///
+/// As [`fit`].
+pub(crate) fn delays(
+    observations: &Observations,
+    clean: &Fit,
+    base: &[Instance],
+    options: &SearchOptions,
+    search: impl Fn(&Fit, &SearchOptions) -> Result<Searched, Error>,
+) -> Result<Option<Delays>, Error> {
+    // Where only the fit gives the noise, all that is left is noise to it.
+    let left = clean.p_value.is_none_or(|p| p <= LEVEL);
+    let slow = !observations.readings.held && clean.noise.slow > 1.0;
+    if !left || !slow || !observations.readings.timed {
+        return Ok(None);
+    }
+    let mut alone = clean.clone();
+    (alone.noise.correlation, alone.noise.inflation, alone.noise.slow) = (0.0, 1.0, 1.0);
+    let others = terms::all(&observations.mechanism).into_iter();
+    let others = others.filter(|term| !term.of_any_size()).map(|term| term.info().id.to_owned());
+    let without = others.chain(options.without.iter().cloned()).collect();
+    let mut found = search(&alone, &SearchOptions { without, ..options.clone() })?.found;
+
+    let with = |found: &[FoundEffect]| {
+        let effects = found.iter().map(|step| step.scored.instance);
+        fit(observations, base.iter().copied().chain(effects).collect(), Some(clean))
+    };
+    let changes = |fit: &Fit| changes(observations, fit, clean);
+    while !found.is_empty() {
+        let all = with(&found)?;
+        let explained = changes(&all);
+        let mut gains = Vec::with_capacity(found.len());
+        for k in 0..found.len() {
+            let gone = found.remove(k);
+            let score = changes(&with(&found)?) - explained;
+            let paid = charge(1.0, score) + of_places(gone.scored.places);
+            found.insert(k, gone);
+            gains.push(score - paid);
+        }
+        let worst = (0..gains.len()).min_by(|&a, &b| gains[a].total_cmp(&gains[b]));
+        match worst.filter(|&k| gains[k].is_nan() || gains[k] <= 0.0) {
+            Some(worst) => drop(found.remove(worst)),
+            None => return Ok(Some(Delays { found, fit: all })),
+        }
+    }
+    Ok(None)
+}
+
+/// `Σ n_k ln Σ e²` of (167), in units of the noise of another fit.
+fn changes(observations: &Observations, fit: &Fit, noise_of: &Fit) -> f64 {
+    let Observations { readings, weights, .. } = observations;
+    let part = Part { model: &fit.model, readings, weights: Some(weights) };
+    let problem = Implicit::new(vec![(part, noise_of.assumed())], &fit.priors);
+    let residuals = problem.residuals_keeping(&fit.beta, false, Some(&[]));
+    let k = residuals.equations;
+    let session = |row: usize| readings.session_of_pose[readings.pose[row]];
+    let follows = |row: &usize| {
+        weights[*row] > 0.0 && weights[row - 1] > 0.0 && session(*row) == session(row - 1)
+    };
+    let rows: Vec<usize> = (1..readings.samples).filter(follows).collect();
+    let of = |equation: usize| {
+        let r = |row: usize| residuals.whitened[row * k + equation];
+        let square: f64 = rows.iter().map(|&row| r(row - 1).powi(2)).sum();
+        if square <= 0.0 {
+            return 0.0; // left out, or nothing is left
+        }
+        let rho = rows.iter().map(|&row| r(row) * r(row - 1)).sum::<f64>() / square;
+        let left: f64 = rows.iter().map(|&row| (r(row) - rho * r(row - 1)).powi(2)).sum();
+        rows.len() as f64 * left.max(f64::MIN_POSITIVE).ln()
+    };
+    (0..k).map(of).sum()
+}
