@@ -11,7 +11,7 @@
 //! ```
 //!
 //! with the residual `r` of equation `k` without, and `e'` with them, both in units of one noise. Each must pay for
-//! itself by (118), beside the others. What else there is, is then searched for beside them.
+//! itself by (118), the one that explains most first. What else there is, is then searched for beside them.
 
 use crate::Error;
 use crate::diagnosis::options::{LEVEL, SearchOptions};
@@ -53,29 +53,34 @@ pub(crate) fn delays(
     let without = others.chain(options.without.iter().cloned()).collect();
     let mut found = search(&alone, &SearchOptions { without, ..options.clone() })?.found;
 
-    let with = |found: &[FoundEffect]| {
-        let effects = found.iter().map(|step| step.scored.instance);
+    let with = |kept: &[FoundEffect], one: Option<&FoundEffect>| {
+        let effects = kept.iter().chain(one).map(|step| step.scored.instance);
         fit(observations, base.iter().copied().chain(effects).collect(), Some(clean))
     };
-    let changes = |fit: &Fit| changes(observations, fit, clean);
+    // The one that explains most comes first: what several joints have is not said of each of the others.
+    let mut kept: Vec<FoundEffect> = Vec::new();
+    let mut here = clean.clone();
     while !found.is_empty() {
-        let all = with(&found)?;
-        let explained = changes(&all);
-        let mut gains = Vec::with_capacity(found.len());
-        for k in 0..found.len() {
-            let gone = found.remove(k);
-            let score = changes(&with(&found)?) - explained;
-            let paid = charge(1.0, score) + of_places(gone.scored.places);
-            found.insert(k, gone);
-            gains.push(score - paid);
+        let before = changes(observations, &here, clean);
+        let mut best: Option<(f64, usize, Fit)> = None;
+        for (k, one) in found.iter().enumerate() {
+            let there = with(&kept, Some(one))?;
+            let score = before - changes(observations, &there, clean);
+            let left = score - charge(1.0, score) - of_places(one.scored.places);
+            if left > best.as_ref().map_or(0.0, |best| best.0) {
+                best = Some((left, k, there));
+            }
         }
-        let worst = (0..gains.len()).min_by(|&a, &b| gains[a].total_cmp(&gains[b]));
-        match worst.filter(|&k| gains[k].is_nan() || gains[k] <= 0.0) {
-            Some(worst) => drop(found.remove(worst)),
-            None => return Ok(Some(Delays { found, fit: all })),
-        }
+        let Some((_, k, there)) = best else { break };
+        kept.push(found.remove(k));
+        here = there;
     }
-    Ok(None)
+    for k in 0..kept.len() {
+        let one = kept.remove(k);
+        let without = with(&kept, None)?;
+        kept.insert(k, FoundEffect { without, ..one });
+    }
+    Ok((!kept.is_empty()).then_some(Delays { found: kept, fit: here }))
 }
 
 /// `Σ n_k ln Σ e²` of (167), in units of the noise of another fit.

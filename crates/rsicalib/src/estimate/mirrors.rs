@@ -134,9 +134,8 @@ fn offsets(observations: &Observations, fit: &Fit, number: usize, axes: &[usize]
         for closure in &model.closures {
             let between = &model.mechanism.closures[closure.number].between;
             let Some(end) = between.iter().position(|end| end == name) else { continue };
-            let [here, there] = [end, 1 - end].map(|end| {
-                model.end_point(&closure.ends[end], meta.group, seen, &fit.beta, &ws)
-            });
+            let [here, there] = [end, 1 - end]
+                .map(|end| model.end_point(&closure.ends[end], meta.group, seen, &fit.beta, &ws));
             for lane in readings.lanes(block, closure.number) {
                 if observations.weights[meta.rows[lane]] > 0.0 {
                     let off = axes.iter().map(|&a| here[a].0[lane] - there[a].0[lane]);

@@ -91,8 +91,7 @@ impl Courses {
         let f = since / step;
         let (w, rise) = (f * f * (3.0 - 2.0 * f), 6.0 * f * (1.0 - f) / step);
         let (p, q) = (before.at(since), next.at(until));
-        let slope =
-            before.slope_at(since) * (1.0 - w) + next.slope_at(until) * w + rise * (q - p);
+        let slope = before.slope_at(since) * (1.0 - w) + next.slope_at(until) * w + rise * (q - p);
         [p * (1.0 - w) + q * w - own.value, slope]
     }
 
@@ -196,7 +195,8 @@ fn runs(table: &Table) -> Vec<[u32; 2]> {
     let mut all = vec![[0, 0]; time.len()];
     let mut start = 0;
     for row in 1..=time.len() {
-        let goes_on = row < time.len() && steps(row).is_some_and(|step| step <= PAUSE * usual[table.session_of(row)]);
+        let goes_on = row < time.len()
+            && steps(row).is_some_and(|step| step <= PAUSE * usual[table.session_of(row)]);
         if !goes_on {
             all[start..row].fill([start as u32, row as u32]);
             start = row;

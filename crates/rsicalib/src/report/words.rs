@@ -210,8 +210,9 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
             let unit = &mechanism.length_unit;
             let [here, there] = [at, image].map(|at| at.map(|v| format!("{v:.4}")).join(", "));
             let free = mechanism.points[*point].frees();
-            let free: Vec<&str> =
-                (["x", "y", "z"].into_iter().zip(free)).filter_map(|(a, f)| f.then_some(a)).collect();
+            let free: Vec<&str> = (["x", "y", "z"].into_iter().zip(free))
+                .filter_map(|(a, f)| f.then_some(a))
+                .collect();
             let alike = match free[..] {
                 [one] => format!("have one {one}"),
                 [_, _] => "lie on one line".into(),

@@ -1,6 +1,7 @@
 //! [`Lag`].
 
-use crate::mechanism::{Mechanism, Target};
+use crate::closures::ClosureKind;
+use crate::mechanism::{Closure, Mechanism, Target};
 use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Electronics, Info, Site, Term};
 
@@ -26,6 +27,14 @@ impl Term for Lag {
 
     fn of_any_size(&self) -> bool {
         true
+    }
+
+    /// A leader that is early is a follower that is late: it is said of the follower.
+    fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
+        let own = &mechanism.channels[channel].name;
+        let mut read = mechanism.closures.iter().filter(|c| c.between.contains(own)).peekable();
+        let leads = |c: &Closure| c.kind == ClosureKind::Equal && c.between[0] == *own;
+        mechanism.moves_joint(channel) || read.peek().is_none() || !read.all(leads)
     }
 
     fn shared_by(&self, mechanism: &Mechanism) -> Vec<Target> {
