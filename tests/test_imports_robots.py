@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -274,3 +276,17 @@ def test_a_library_that_is_not_there_is_named_with_its_extra(
     monkeypatch.setitem(__import__("sys").modules, "h5py", None)
     with pytest.raises(InputError, match=r"no h5py to read it.*pip install 'rsicalib\[hdf5\]'"):
         rsicalib.import_log(path)
+
+
+def test_a_data_set_that_lerobot_itself_wrote_is_read(tmp_path: Path) -> None:
+    python = os.environ.get("RSICALIB_LEROBOT")
+    if not python:
+        pytest.skip("RSICALIB_LEROBOT does not name a Python that has lerobot")
+    program = Path(__file__).parent / "machines" / "by_lerobot.py"
+    subprocess.run([python, program, tmp_path / "pick"], check=True)
+    log = rsicalib.import_log(tmp_path / "pick")
+    assert [len(session) for session in log.sessions] == [300, 300]
+    elbow = ["leader_elbow_flex", "follower_elbow_flex"]
+    assert set(elbow) <= set(log.sessions[0].columns)
+    assert any("2600" in note for note in log.findings), "its steps are told by the values"
+    assert any("4 rows" in note for note in log.findings)

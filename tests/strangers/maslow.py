@@ -22,6 +22,12 @@ FILES: dict[str, Made] = {
         {},
         (25, "tl"),
     ),
+    # a program that logs each position when it comes, in a list of its own
+    "a list for each position": (
+        text("run.log", "\n".join(clbm([row]) for row in sled())),
+        {},
+        (25, "tl"),
+    ),
     "JSON of a script": (
         text("belts.json", json.dumps([dict(sorted(row.items())) for row in ROWS])),
         {},

@@ -459,7 +459,7 @@ def _add_check(sub: argparse.ArgumentParser) -> None:
 
 
 def _add_skip(sub: argparse.ArgumentParser) -> None:
-    words = "drop rows that cannot be used, and list them in the result"
+    words = "drop rows that cannot be used or are at an end of a range, and list them in the result"
     sub.add_argument("--skip-bad-rows", action="store_true", help=words)
 
 

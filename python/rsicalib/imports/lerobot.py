@@ -92,7 +92,7 @@ def _checked(path: Path) -> dict[str, Any]:
         )
 
     if not str(info.get("codebase_version")).startswith(("v2.", "v3.")):
-        hint = "LeRobot has a program that converts an earlier data set."
+        hint = "LeRobot has a program that converts an earlier data set. A later one is not known."
         raise refuse("codebase_version", "v2.0, v2.1 or v3.0", hint)
     info = {"chunks_size": 1000, **info}
     for key in ("total_episodes", "chunks_size"):

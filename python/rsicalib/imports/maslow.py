@@ -99,7 +99,17 @@ def _runs(text: str, source: str) -> tuple[list[_Run], int]:
         if kept and run.rows[: len(kept[-1].rows)] == kept[-1].rows:
             kept.pop()  # the firmware prints what it has so far, again and again
         kept.append(run)
-    return kept, sum(bool(run.rows) for run in runs) - len(kept)
+    replaced = sum(bool(run.rows) for run in runs) - len(kept)
+    if all(len(run.rows) == 1 and not run.results for run in kept):
+        kept = [_joined(kept)] if kept else []  # a list for each position is one list
+    return kept, replaced
+
+
+def _joined(runs: list[_Run]) -> _Run:
+    """One run of the positions of several."""
+    rows, lines = [run.rows[0] for run in runs], [run.lines[0] for run in runs]
+    found = {name: at for run in runs for name, at in run.found.items()}
+    return _Run(rows, lines, found)
 
 
 def _lines(text: str) -> list[tuple[int, str]]:

@@ -178,8 +178,8 @@ class Teleop:
             return []
         time = "" if self.rate is None else f" ({rows / self.rate:.2g} s)"
         return [
-            f"the follower is {rows} rows{time} behind the leader: --hold 0.5 takes the stretches "
-            "in which both are still, and there it has caught up"
+            f"the follower is {rows} rows{time} behind the leader: trace names the delay where "
+            "rows have times; --hold 0.5 takes the stretches in which both are still instead"
         ]
 
     def _mechanism(self, unit: str, steps: Mapping[str, int]) -> str:

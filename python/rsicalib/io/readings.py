@@ -253,7 +253,8 @@ def load_readings(
     mechanism : Mechanism
         Names, units and ranges of its channels.
     skip_bad_rows : bool, optional
-        Drop rows that cannot be used and list them in `skipped`, instead of refusing the file.
+        Drop rows that cannot be used and list them in `skipped`, instead of refusing the file;
+        those with a channel at an end of its range as well.
 
     Returns
     -------
@@ -270,9 +271,9 @@ def load_readings(
         names = [channel.name for channel in mechanism.channels]
         return readings_of_table(table_in_memory(readings, names), mechanism, skip_bad_rows)
     file = read_file(readings)
-    numbers = table_of_numbers(file)
+    numbers = None if skip_bad_rows else table_of_numbers(file)
     if numbers is not None and not {*mechanism.key_columns, *TEXTS} & {*numbers.names}:
-        with suppress(InputError):  # the table cell by cell says what was found, or skips it
+        with suppress(InputError):  # the table cell by cell says what was found
             return readings_of_table(numbers, mechanism, skip_bad_rows=False)
     return readings_of_table(table_of_file(file), mechanism, skip_bad_rows)
 
@@ -285,6 +286,9 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
         found, expected = "no readings", "at least one row below the header"
         raise InputError.at(table.source, found=found, expected=expected)
     cells, faults = read_cells(table, mechanism, index)
+    if skip_bad_rows:
+        ends = _at_an_end(cells, mechanism) | faults
+        faults = ends if len(ends) < len(table.lines) else faults
     skipped = _skipped(table, faults, skip_bad_rows)
     keep = np.ones(len(table.lines), dtype=np.bool_)
     keep[[*faults]] = False
@@ -347,6 +351,17 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
     return replace(
         readings, warnings=tuple(warnings), repeats=None if repeats is None else frozen(repeats)
     )
+
+
+def _at_an_end(cells: Mapping[str, Any], mechanism: MechanismLike) -> dict[int, Fault]:
+    """Rows in which a channel is at an end of its range: its joint was there, or beyond."""
+    faults: dict[int, Fault] = {}
+    for channel in mechanism.channels:
+        for end in channel.range or ():
+            for row in np.flatnonzero(cells[channel.name] == end):
+                expected = f"a reading within the range of {channel.name}, not at its end"
+                faults.setdefault(int(row), Fault(channel.name, f"{end:g}", expected))
+    return faults
 
 
 def _skipped(table: Table, faults: dict[int, Fault], skip_bad_rows: bool) -> tuple[Skipped, ...]:

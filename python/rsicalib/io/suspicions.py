@@ -124,7 +124,8 @@ def _saturated_codes(readings: Samples, mechanism: MechanismLike) -> Iterator[Wa
                     channel.name,
                     f"{channel.name}: {len(rows)} reading{'s' * (len(rows) > 1)} at the end of its "
                     f"range, {end:.10g} ({places(readings, rows)}); the joint may have been "
-                    "further out: leave those rows out, or keep the joint within range",
+                    "further out: leave those rows out (--skip-bad-rows), or keep the joint within "
+                    "its range",
                 )
 
 

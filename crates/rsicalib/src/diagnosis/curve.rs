@@ -59,6 +59,7 @@ pub fn curve(fit: &Fit, instance: &Instance, first: usize) -> Option<Curve> {
             temperature: Lanes::ZERO,
             approach: &still,
             velocity: &still,
+            course: None,
             pose: Lanes::ZERO,
             place: instance.place,
         };

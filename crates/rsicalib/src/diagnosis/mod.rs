@@ -5,6 +5,7 @@ pub(crate) mod averaged;
 pub mod calibrate;
 pub(crate) mod curve;
 pub(crate) mod curve_law;
+pub(crate) mod delays;
 pub(crate) mod detectability;
 pub(crate) mod doubt;
 pub mod elsewhere;

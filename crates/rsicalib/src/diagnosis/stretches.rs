@@ -23,6 +23,7 @@ use crate::estimate::{Fit, Implicit, LONG, Observations, Part};
 use crate::model::Instance;
 use crate::numerics::lanes::Lanes;
 use crate::readings::Readings;
+use crate::readings::course::PAUSE;
 use crate::terms::term::{ORDER_STEP, ORDERS, Placed};
 
 /// A long recording is searched by so many stretches at the most, evenly spread: all of them would
@@ -35,9 +36,6 @@ const ROWS: usize = 8;
 /// Standard deviations of a reading that are no motion: the first and the last of a stretch differ by
 /// so many once in ten thousand times.
 const NOISE: f64 = 6.0;
-
-/// A pause of so many usual times between rows ends a stretch.
-const PAUSE: f64 = 4.0;
 
 /// Rows that look bad, at the most, that stay by themselves.
 const MOST_APART: usize = 256;

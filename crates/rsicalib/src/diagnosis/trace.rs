@@ -12,6 +12,7 @@ use std::sync::Arc;
 use crate::Error;
 use crate::diagnosis::as_drawn::{likelier, without_offsets};
 use crate::diagnosis::averaged::Averaged;
+use crate::diagnosis::delays::{Delays, delays};
 use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::long::{Search, rise, search_long};
 use crate::diagnosis::plausibility::absurdities;
@@ -174,7 +175,7 @@ fn explain(
     wanted: Scope,
 ) -> Result<(Traced, bool), Error> {
     let all = observations;
-    let base = all.instances()?;
+    let mut base = all.instances()?;
     let before = fit(all, base.clone(), None)?;
     let wanted = if is_miswired(all, &before) { Scope::Nothing } else { wanted };
     let progress = &all.options.progress;
@@ -187,6 +188,16 @@ fn explain(
     let wanted = wanted == Scope::All;
     let lost = !absurdities(&observations, &clean, &[]).is_empty();
     progress.enter(Stage::Search);
+    let mut late = Vec::new();
+    if wanted {
+        let one = |from: &Fit, options: &SearchOptions| {
+            Ok(search_once(&observations, from, &base, options, true)?.searched)
+        };
+        if let Some(Delays { found, fit }) = delays(&observations, &clean, &base, search, one)? {
+            base.extend(found.iter().map(|step| step.scored.instance));
+            (late, clean) = (found, fit);
+        }
+    }
     let mut searched = search_once(&observations, &clean, &base, search, wanted)?;
     for _ in 0..if search.uses(Rule::JudgeAgain) { JUDGED_AGAIN } else { 0 } {
         let Some(again) = judge_again(all, &observations, &base, &searched)? else { break };
@@ -211,7 +222,7 @@ fn explain(
     }
     progress.enter(Stage::Refit);
     let Search { averaged, searched: pursued, isolated, all: of_all } = searched;
-    let Searched { current, found, poses, left, scores, rivals } = pursued;
+    let Searched { current, found, poses, left, scores, mut rivals } = pursued;
     excluded.extend(poses.iter().map(|step| averaged.excluded(step)));
     let said: Vec<Scored> = found.iter().map(|step| step.scored).chain(poses).collect();
     let (mut steps, mut bad) = (Vec::new(), Vec::new());
@@ -252,7 +263,11 @@ fn explain(
         Some(stretches) => rise(&after, &stretches.in_all(&step.scored.instance)),
         None => cost(&step.without) - cost(&current),
     };
-    let found = steps.into_iter().map(|step| Found::of(of_all(&step), step)).collect();
+    let delayed = |step: FoundEffect| Found::of(rise(&after, &step.scored.instance), step);
+    let mut found: Vec<Found> = late.into_iter().map(delayed).collect();
+    let delayed: Vec<Instance> = found.iter().map(|delay| delay.instance).collect();
+    rivals.iter_mut().for_each(|rival| rival.effects.splice(0..0, delayed.clone()).for_each(drop));
+    found.extend(steps.into_iter().map(|step| Found::of(of_all(&step), step)));
     let p_value = after.p_value;
     let after = with_groups(after, &observations);
     let traced = Traced {

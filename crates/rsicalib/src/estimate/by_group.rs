@@ -25,6 +25,7 @@ use crate::estimate::as_near::as_near;
 use crate::estimate::between::{Between, Grouping, Halves};
 use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
+use crate::estimate::mirrors::without_mirrors;
 use crate::estimate::objective::Part;
 use crate::estimate::observations::Observations;
 use crate::mechanism::Target;
@@ -38,13 +39,14 @@ use crate::terms::{PointPosition, targets};
 /// Contrasts of a half of the groups of which no component of its own is told.
 const FEW: usize = 3;
 
-/// A fit with what changes from group to group of its session, and what a device keeps of its
+/// A fit without a better place in a mirror, with what changes from group to group of its session, and what a device keeps of its
 /// drawing; of a long recording neither is looked for.
 #[must_use]
 pub fn with_groups(fit: Fit, observations: &Observations) -> Fit {
     if !fit.termination.converged() || !fit.plausible || observations.is_long() {
         return fit;
     }
+    let fit = without_mirrors(fit, observations);
     let between = between(observations, &fit).map(Arc::new);
     as_near(observations, Fit { between, ..fit })
 }

@@ -18,6 +18,7 @@ mod fitted;
 mod implicit;
 mod intervals;
 pub(crate) mod lengths;
+mod mirrors;
 pub mod noise;
 mod note;
 mod objective;

@@ -5,9 +5,11 @@
 //! has mirror solutions on the way. So the unknown points are tried where they are drawn, then on
 //! drawings that are larger and smaller about the points that are known, until one start is good.
 
+use crate::closures::kind::Given;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
+use crate::mechanism::Mechanism;
 use crate::model::{Model, Thing};
 use crate::numerics::lm;
 
@@ -90,16 +92,11 @@ fn unlikeness(drawing: &[f64], x: &[f64], free: &[(usize, usize)], centre: &[f64
 /// Parameters of the points that distances tell of, and the axis of each.
 fn coordinates(model: &Model) -> Vec<(usize, usize)> {
     let mechanism = &model.mechanism;
-    let told = |name: &String| {
-        let mut own = mechanism.closures.iter().filter(|c| c.between.contains(name)).peekable();
-        own.peek().is_some()
-            && own.all(|c| c.kind.facts().given() == crate::closures::kind::Given::Value)
-    };
     let mut found = Vec::new();
     for unknown in &model.unknowns {
         let Thing::Point(p) = unknown.thing else { continue };
         let point = &mechanism.points[p];
-        if !told(&point.name) {
+        if !told_by_distances(mechanism, &point.name) {
             continue;
         }
         let free = point.frees();
@@ -109,6 +106,12 @@ fn coordinates(model: &Model) -> Vec<(usize, usize)> {
         );
     }
     found
+}
+
+/// True for a point of which distances tell, and nothing else.
+pub(crate) fn told_by_distances(mechanism: &Mechanism, name: &String) -> bool {
+    let mut own = mechanism.closures.iter().filter(|c| c.between.contains(name)).peekable();
+    own.peek().is_some() && own.all(|c| c.kind.facts().given() == Given::Value)
 }
 
 /// The middle of the points that are fixed in the base; its origin where there is none.

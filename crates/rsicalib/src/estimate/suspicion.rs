@@ -97,6 +97,17 @@ pub enum Suspicion {
         /// By what the declared noise would have to be multiplied.
         factor: f64,
     },
+    /// An unknown point has an image in a mirror that fits as well.
+    Mirrored {
+        /// The point, counted in the mechanism.
+        point: usize,
+        /// What it is called, with its keys.
+        name: String,
+        /// Where it is by the fit.
+        at: [f64; 3],
+        /// Where its image is.
+        image: [f64; 3],
+    },
     /// No start led to a fit in which every joint moves.
     NoStart {
         /// Starts that were tried.

@@ -1,6 +1,7 @@
 //! Chains that are drawn alike, and what they share.
 
-use crate::mechanism::drawing::{Chain, Mechanism, Row};
+use crate::closures::ClosureKind;
+use crate::mechanism::drawing::{Chain, Closure, Mechanism, Row};
 use crate::mechanism::target::{Target, bits};
 
 /// Numbers of drawings that differ by less than this, in parts of the larger, are the same.
@@ -91,6 +92,21 @@ impl Mechanism {
         }
         targets.extend(self.lengths_together());
         targets
+    }
+
+    /// Channels that come by one way, and are late together where they are late: those of each chain,
+    /// and those that stand second in `equal` closures, as a follower's do.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn sides(&self) -> Vec<Target> {
+        let chains = (0..self.chains.len()).map(|chain| self.channels_of(chain));
+        let equal = self.closures.iter().filter(|closure| closure.kind == ClosureKind::Equal);
+        let second = |closure: &Closure| self.channel_index(&closure.between[1]).ok();
+        let mut followers: Vec<usize> = equal.filter_map(second).collect();
+        followers.sort_unstable();
+        followers.dedup();
+        let several = chains.chain([followers]).filter(|channels| channels.len() > 1);
+        several.filter_map(Target::together).collect()
     }
 
     /// The channels that read lengths, two by two, and all of them.

@@ -30,6 +30,9 @@ impl Target {
                 format!("{}.{}", group_name(mechanism, first), joint.saturating_add(1))
             }
             Self::Together(_) if self.is_each(mechanism) => "each".into(),
+            Self::Together(_) if self.chain_of_all(mechanism).is_some() => {
+                self.chain_of_all(mechanism).map(|c| chain_name(mechanism, c)).unwrap_or_default()
+            }
             Self::Together(channels) => {
                 let names = bits(channels).map(|c| Self::Channel(c).name(mechanism));
                 names.collect::<Vec<_>>().join("+")
@@ -52,9 +55,20 @@ impl Target {
         mechanism.alike().is_empty() && Self::together(mechanism.measuring()) == Some(self)
     }
 
-    /// The channels that stand together, by a name such as `bl+br`; none for another name.
+    /// The chain of which these channels are all.
+    fn chain_of_all(self, mechanism: &Mechanism) -> Option<usize> {
+        let all = |chain: &usize| Self::together(mechanism.channels_of(*chain)) == Some(self);
+        (0..mechanism.chains.len()).find(all)
+    }
+
+    /// The channels that stand together, by a name such as `bl+br`, or that of the chain that they are
+    /// all of; none for another name.
     #[must_use]
     pub fn named_together(mechanism: &Mechanism, name: &str) -> Option<Self> {
+        if let Ok(chain) = mechanism.chain_index(name) {
+            let all = Self::together(mechanism.channels_of(chain));
+            return all.filter(|target| target.is_in(mechanism));
+        }
         let index = |name: &str| mechanism.channel_index(name).ok();
         let channels: Option<Vec<usize>> = name.split('+').map(index).collect();
         Self::together(channels?).filter(|target| target.is_in(mechanism))

@@ -165,6 +165,7 @@ impl Model {
             temperature: meta.temperature,
             approach,
             velocity,
+            course: readings.course(block).filter(|_| self.moving),
             pose: meta.pose,
             place: 0,
         };

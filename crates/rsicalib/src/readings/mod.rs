@@ -4,6 +4,7 @@ mod along;
 mod block;
 pub mod codes;
 pub(crate) mod context;
+pub(crate) mod course;
 mod holding;
 pub mod plain;
 pub mod sampled;

@@ -5,7 +5,7 @@
 //! points. The direction of approach and the velocity are the *context* of a sample: they are
 //! computed once from the raw readings, when a model needs them, and are then constant.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use crate::Error;
 use crate::mechanism::Mechanism;
@@ -13,6 +13,7 @@ use crate::numerics::bounds::{self, LARGEST};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::readings::block::Block;
 use crate::readings::context::{STRETCH, direction, is_motion, sides, standstills, velocities};
+use crate::readings::course::{CourseAt, Courses};
 use crate::readings::holding::Holding;
 use crate::readings::table::{Table, mean_of, rows_of};
 
@@ -70,6 +71,9 @@ pub struct Readings {
     still: Vec<f64>,
     sides: OnceLock<Vec<i8>>,
     motion: OnceLock<Motion>,
+    courses: OnceLock<Courses>,
+    /// The recording of whose stretches these are means, and the middle row of each.
+    whole: Option<(Arc<Self>, Vec<usize>)>,
 }
 
 /// Direction of approach and velocity of each channel, block by block.
@@ -173,7 +177,12 @@ impl Readings {
     ///
     /// Means and spans are those of the recording, so that parameters are the same.
     #[must_use]
-    pub(crate) fn merged(&self, stretches: &[[usize; 2]], values: Vec<f64>, rows: usize) -> Self {
+    pub(crate) fn merged(
+        self: &Arc<Self>,
+        stretches: &[[usize; 2]],
+        values: Vec<f64>,
+        rows: usize,
+    ) -> Self {
         let middles: Vec<usize> = stretches.iter().map(|[_, middle]| *middle).collect();
         let lane_of = self.lane_of_rows();
         let places: Vec<(usize, usize)> = middles.iter().map(|&row| lane_of[row]).collect();
@@ -213,8 +222,10 @@ impl Readings {
             still: self.still.clone(),
             sides: sides.into(),
             motion: OnceLock::new(),
+            courses: OnceLock::new(),
+            whole: Some((self.clone(), middles)),
         };
-        let order: Vec<f64> = (0..middles.len()).map(|pose| pose as f64).collect();
+        let order: Vec<f64> = (0..merged.samples).map(|pose| pose as f64).collect();
         merged.lay_out(&group, &time, &temperature, &order);
         merged.motion = merged.laid_out(&velocity).into();
         merged
@@ -285,6 +296,8 @@ impl Readings {
             still: standstills(&mechanism.channels),
             sides: OnceLock::new(),
             motion: OnceLock::new(),
+            courses: OnceLock::new(),
+            whole: None,
         };
         let order: Vec<f64> = match main {
             Some(main) if !own_poses => {
@@ -377,6 +390,7 @@ impl Readings {
         self.raw.clear();
         self.raw.extend(reading.iter().map(|value| Lanes::splat(*value)));
         (self.sides, self.motion) = (OnceLock::new(), OnceLock::new());
+        self.courses = OnceLock::new();
         check(mechanism, &self.table).map(|_| ())
     }
 
@@ -456,6 +470,22 @@ impl Readings {
         self.motion.get_or_init(|| match self.held {
             true => self.laid_out(&vec![0.0; self.samples * self.channels]),
             false => self.laid_out(&velocities(&self.table, self.channels, 0..self.samples)),
+        })
+    }
+
+    /// Courses of all channels through this recording. Found when first asked for.
+    pub(super) fn courses(&self) -> &Courses {
+        self.courses.get_or_init(|| Courses::of(&self.table, self.channels))
+    }
+
+    /// Where the samples of a block are in the recording that they are of; none where no clock tells.
+    pub(crate) fn course(&self, block: usize) -> Option<CourseAt<'_>> {
+        let rows = &self.blocks.get(block).filter(|_| self.timed && !self.held)?.rows;
+        Some(match &self.whole {
+            Some((whole, middles)) => {
+                CourseAt { readings: whole, rows: rows.map(|row| middles[row]) }
+            }
+            None => CourseAt { readings: self, rows: *rows },
         })
     }
 

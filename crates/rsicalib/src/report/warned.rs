@@ -82,6 +82,8 @@ pub enum Kind {
     SameReadings,
     /// Distances follow from the other closures.
     Follow,
+    /// An unknown point has an image in a mirror that fits as well.
+    Mirrored,
     /// Readings look like degrees and are declared as radians.
     Degrees,
     /// Readings look like another unit, or another converter, than the one that is declared.
@@ -250,6 +252,7 @@ fn of_suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> Warned {
         Suspicion::LengthNoise { closure, .. } => {
             (Kind::Noise, Some(mechanism.closures[*closure].name.clone()))
         }
+        Suspicion::Mirrored { name, .. } => (Kind::Mirrored, Some(name.clone())),
         Suspicion::NoStart { .. } => (Kind::NoStart, None),
     };
     Warned { kind, target, text: words::suspicion(mechanism, suspicion) }

@@ -207,6 +207,24 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 if names.len() == 1 { "it is" } else { "they are" },
             )
         }
+        Suspicion::Mirrored { point, name, at, image } => {
+            let unit = &mechanism.length_unit;
+            let [here, there] = [at, image].map(|at| at.map(|v| format!("{v:.4}")).join(", "));
+            let free = mechanism.points[*point].frees();
+            let free: Vec<&str> = (["x", "y", "z"].into_iter().zip(free))
+                .filter_map(|(a, f)| f.then_some(a))
+                .collect();
+            let alike = match free[..] {
+                [one] => format!("have one {one}"),
+                [_, _] => "lie on one line".into(),
+                _ => "lie on one plane".into(),
+            };
+            format!(
+                "{name} at ({there}) {unit} fits as well as at ({here}): all places from which its \
+                 distance is read {alike}. The one nearer to `at` of the mechanism is given; check \
+                 that it is the right one, or record a place elsewhere"
+            )
+        }
         Suspicion::Degrees { channels, of } => {
             let names: Vec<&str> = channels.iter().map(|&c| name(c)).collect();
             match gains_in_degrees(mechanism, channels) {

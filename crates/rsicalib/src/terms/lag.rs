@@ -1,13 +1,16 @@
 //! [`Lag`].
 
+use crate::closures::ClosureKind;
+use crate::mechanism::{Closure, Mechanism, Target};
 use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Electronics, Info, Site, Term};
 
 term! {
-    /// One channel that is late.
+    /// Channels that are late.
     ///
-    /// In motion, a filter delays one channel by `lag`. The reading at the common
-    /// instant is `a + lag v`, with the channel's velocity `v`.
+    /// In motion, a filter, a message on its way or a servo delays a channel, or all channels of one
+    /// side, by `lag`. The reading at the common instant is `a + s(t + lag) - s(t)`, with the
+    /// channel's course `s` through the recording.
     Lag("lag", Sensor, per Channel, needs Motion) {
         lag: "s" ~ 1e-3,
     }
@@ -21,18 +24,39 @@ impl Term for Lag {
     fn acts(&self) -> Acts {
         Acts::Electronics(&Self)
     }
+
+    fn of_any_size(&self) -> bool {
+        true
+    }
+
+    /// A leader that is early is a follower that is late: it is said of the follower.
+    fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
+        let own = &mechanism.channels[channel].name;
+        let mut read = mechanism.closures.iter().filter(|c| c.between.contains(own)).peekable();
+        let leads = |c: &Closure| c.kind == ClosureKind::Equal && c.between[0] == *own;
+        mechanism.moves_joint(channel) || read.peek().is_none() || !read.all(leads)
+    }
+
+    fn shared_by(&self, mechanism: &Mechanism) -> Vec<Target> {
+        mechanism.sides()
+    }
 }
 
 impl Electronics for Lag {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {
-        site.velocity[site.channel] * p[0]
+        change(site, p[0])[0]
     }
 
-    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
-        out[0] = site.velocity[site.channel];
+    fn partials(&self, p: &[f64], site: &Site, out: &mut [Lanes]) {
+        out[0] = change(site, p[0])[1];
     }
 
     fn slopes(&self, p: &[f64], site: &Site, out: &mut [Lanes]) {
-        let _ = (p, site, out); // the velocity is context: constant
+        let _ = (p, site, out); // the course is context: constant
     }
+}
+
+/// `s(t + lag) - s(t)`, and its derivative by `lag`.
+fn change(site: &Site, lag: f64) -> [Lanes; 2] {
+    site.course.map_or([Lanes::ZERO; 2], |course| course.change(site.channel, lag))
 }

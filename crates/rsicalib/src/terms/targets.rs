@@ -123,7 +123,14 @@ pub fn shared(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
         _ => false,
     };
     let there = |target: &Target| mechanism.parts(*target).iter().all(|t| single.contains(t));
-    mechanism.shared_targets().into_iter().filter(|t| fits(t) && there(t)).collect()
+    let mut all: Vec<Target> =
+        mechanism.shared_targets().into_iter().filter(|t| fits(t) && there(t)).collect();
+    for target in term.shared_by(mechanism) {
+        if there(&target) && !all.contains(&target) {
+            all.push(target);
+        }
+    }
+    all
 }
 
 /// True where the chains of a group carry points at the same places.

@@ -16,6 +16,7 @@ use crate::kinematics::elements::{Axis, Way, Weight};
 pub use crate::mechanism::{Class, Per};
 use crate::mechanism::{Mechanism, Target};
 use crate::numerics::lanes::Lanes;
+use crate::readings::course::CourseAt;
 use crate::terms::coupled::Coupled;
 
 /// Data that a term needs.
@@ -187,6 +188,8 @@ pub struct Site<'a> {
     pub approach: &'a [Lanes],
     /// Change of each reading, per second.
     pub velocity: &'a [Lanes],
+    /// Where the samples are in their recording; none for poses, and where no term asks.
+    pub(crate) course: Option<CourseAt<'a>>,
     /// Number of each sample's pose.
     pub pose: Lanes,
     /// Place of the instance: the pose, or the other channel, where a searched term acts.
@@ -366,6 +369,16 @@ pub trait Term: Sync {
     /// Whether it can act on a target of its kind.
     fn suits_target(&self, _mechanism: &Mechanism, _target: Target) -> bool {
         true
+    }
+
+    /// True where no size is out of all proportion: a message takes as long as it takes.
+    fn of_any_size(&self) -> bool {
+        false
+    }
+
+    /// Targets that share it beside those that are drawn alike.
+    fn shared_by(&self, _mechanism: &Mechanism) -> Vec<Target> {
+        Vec::new()
     }
 
     /// All data that it needs.

@@ -1,0 +1,109 @@
+//! Delays of a recording whose residual resembles its neighbours.
+//!
+//! A motion is smooth, and so is what a delay leaves of it: each row resembles the next, as with noise that
+//! varies slowly, of which few rows in a hundred say something new. Where the search takes it for that, it finds
+//! nothing. But a delay goes with the motion, from row to row, as slow noise does not. So delays are looked
+//! for first, all rows taken for independent, and kept as far as they explain how the residual changes from row
+//! to row,
+//!
+//! ```text
+//! e_i = r_i - ρ r_i-1,    ρ = Σ r_i r_i-1 / Σ r_i²,    T = Σ_k n_k ln(Σ e² / Σ e'²)          (167)
+//! ```
+//!
+//! with the residual `r` of equation `k` without, and `e'` with them, both in units of one noise. Each must pay for
+//! itself by (118), the one that explains most first. What else there is, is then searched for beside them.
+
+use crate::Error;
+use crate::diagnosis::options::{LEVEL, SearchOptions};
+use crate::diagnosis::price::{charge, of_places};
+use crate::diagnosis::search::outcome::{FoundEffect, Searched};
+use crate::estimate::{Fit, Implicit, Observations, Part, fit};
+use crate::model::Instance;
+use crate::terms;
+
+/// Delays that were found, and the fit with them.
+pub(crate) struct Delays {
+    pub found: Vec<FoundEffect>,
+    pub fit: Fit,
+}
+
+/// Delays beside a fit of a recording; none where its residual does not resemble its neighbours, or they
+/// explain none of its changes. `search` is a search from a fit of these terms.
+///
+/// # Errors
+///
+/// As [`fit`].
+pub(crate) fn delays(
+    observations: &Observations,
+    clean: &Fit,
+    base: &[Instance],
+    options: &SearchOptions,
+    search: impl Fn(&Fit, &SearchOptions) -> Result<Searched, Error>,
+) -> Result<Option<Delays>, Error> {
+    // Where only the fit gives the noise, all that is left is noise to it.
+    let left = clean.p_value.is_none_or(|p| p <= LEVEL);
+    let slow = !observations.readings.held && clean.noise.slow > 1.0;
+    if !left || !slow || !observations.readings.timed {
+        return Ok(None);
+    }
+    let mut alone = clean.clone();
+    (alone.noise.correlation, alone.noise.inflation, alone.noise.slow) = (0.0, 1.0, 1.0);
+    let others = terms::all(&observations.mechanism).into_iter();
+    let others = others.filter(|term| !term.of_any_size()).map(|term| term.info().id.to_owned());
+    let without = others.chain(options.without.iter().cloned()).collect();
+    let mut found = search(&alone, &SearchOptions { without, ..options.clone() })?.found;
+
+    let with = |kept: &[FoundEffect], one: Option<&FoundEffect>| {
+        let effects = kept.iter().chain(one).map(|step| step.scored.instance);
+        fit(observations, base.iter().copied().chain(effects).collect(), Some(clean))
+    };
+    // The one that explains most comes first: what several joints have is not said of each of the others.
+    let mut kept: Vec<FoundEffect> = Vec::new();
+    let mut here = clean.clone();
+    while !found.is_empty() {
+        let before = changes(observations, &here, clean);
+        let mut best: Option<(f64, usize, Fit)> = None;
+        for (k, one) in found.iter().enumerate() {
+            let there = with(&kept, Some(one))?;
+            let score = before - changes(observations, &there, clean);
+            let left = score - charge(1.0, score) - of_places(one.scored.places);
+            if left > best.as_ref().map_or(0.0, |best| best.0) {
+                best = Some((left, k, there));
+            }
+        }
+        let Some((_, k, there)) = best else { break };
+        kept.push(found.remove(k));
+        here = there;
+    }
+    for k in 0..kept.len() {
+        let one = kept.remove(k);
+        let without = with(&kept, None)?;
+        kept.insert(k, FoundEffect { without, ..one });
+    }
+    Ok((!kept.is_empty()).then_some(Delays { found: kept, fit: here }))
+}
+
+/// `Σ n_k ln Σ e²` of (167), in units of the noise of another fit.
+fn changes(observations: &Observations, fit: &Fit, noise_of: &Fit) -> f64 {
+    let Observations { readings, weights, .. } = observations;
+    let part = Part { model: &fit.model, readings, weights: Some(weights) };
+    let problem = Implicit::new(vec![(part, noise_of.assumed())], &fit.priors);
+    let residuals = problem.residuals_keeping(&fit.beta, false, Some(&[]));
+    let k = residuals.equations;
+    let session = |row: usize| readings.session_of_pose[readings.pose[row]];
+    let follows = |row: &usize| {
+        weights[*row] > 0.0 && weights[row - 1] > 0.0 && session(*row) == session(row - 1)
+    };
+    let rows: Vec<usize> = (1..readings.samples).filter(follows).collect();
+    let of = |equation: usize| {
+        let r = |row: usize| residuals.whitened[row * k + equation];
+        let square: f64 = rows.iter().map(|&row| r(row - 1).powi(2)).sum();
+        if square <= 0.0 {
+            return 0.0; // left out, or nothing is left
+        }
+        let rho = rows.iter().map(|&row| r(row) * r(row - 1)).sum::<f64>() / square;
+        let left: f64 = rows.iter().map(|&row| (r(row) - rho * r(row - 1)).powi(2)).sum();
+        rows.len() as f64 * left.max(f64::MIN_POSITIVE).ln()
+    };
+    (0..k).map(of).sum()
+}

@@ -1,0 +1,67 @@
+"""A delay of all followers, or of one, is named with its size in recordings of known truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rsicalib
+from tests.machines.following import FINE, NAME, Truth, recording
+from tests.oracle import Array
+
+ELBOW = "follower_elbow_flex"
+
+
+def lags(found: rsicalib.Trace) -> dict[str, tuple[float, float]]:
+    """Delays that are named, and their standard deviations [s]."""
+    steps = [step for step in found.steps if step.term == "lag"]
+    return {s.target: (s.parameters[0].value, s.parameters[0].sd or np.nan) for s in steps}
+
+
+def is_near(told: tuple[float, float], truth: float) -> bool:
+    """Within four standard deviations, and the step of the integration."""
+    value, sd = told
+    return abs(value - truth) < 4 * sd + FINE
+
+
+@pytest.mark.parametrize("seed", [700, 701])
+def test_a_follower_that_is_not_late_has_no_delay(seed: int) -> None:
+    found = rsicalib.trace(recording(seed, Truth()), "so101")
+    assert found.verdict == "adequate" and not found.steps
+
+
+@pytest.mark.parametrize("seed", [702, 703])
+@pytest.mark.parametrize("delay", [0.011, 0.14])
+def test_a_delay_of_all_is_one_effect_of_its_size(seed: int, delay: float) -> None:
+    found = rsicalib.trace(recording(seed, Truth(delay=delay)), "so101")
+    assert [(step.term, step.target) for step in found.steps] == [("lag", NAME)]
+    assert is_near(lags(found)[NAME], delay)
+    # 0.3 percent of noise; before, a delay of a third of a row leaves 0.5.
+    assert found.after.rms_misclosure < 0.45 < found.before.rms_misclosure
+    assert found.verdict == "explained"
+
+
+@pytest.mark.parametrize("seed", [704, 705])
+def test_a_joint_that_is_later_than_the_others_is_named_beside_them(seed: int) -> None:
+    found = rsicalib.trace(recording(seed, Truth(delay=0.1, alone=0.06)), "so101")
+    told = lags(found)
+    assert set(told) == {NAME, ELBOW}
+    assert is_near(told[NAME], 0.1) and is_near(told[ELBOW], 0.06)
+
+
+def slow_noise(seed: int) -> dict[str, Array]:
+    """No delay, and noise of a percent of which a row shares nearly all with the row before."""
+    rows = recording(seed, Truth(noise=0.05))
+    rng = np.random.default_rng(seed)
+    for name in [name for name in rows if name.startswith("follower")]:
+        wander = np.zeros(len(rows[name]))
+        for k in range(1, len(wander)):
+            wander[k] = 0.97 * wander[k - 1] + rng.normal(0, 0.25)
+        rows[name] = rows[name] + wander
+    return rows
+
+
+@pytest.mark.parametrize("seed", [706, 707, 708])
+def test_noise_that_varies_slowly_is_no_delay(seed: int) -> None:
+    told = lags(rsicalib.trace(slow_noise(seed), "so101"))
+    assert not told, told
