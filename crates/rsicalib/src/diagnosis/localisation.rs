@@ -97,7 +97,11 @@ pub fn residual(traced: &Traced, rises: &[f64]) -> Residual {
 /// What is left where more is left than noise: the likeliest of a law, of whatever is at fault alone, of
 /// larger noise, and of scatter of a channel.
 fn left_over(traced: &Traced) -> Residual {
-    let law = traced.unknown.as_ref().filter(|law| law.behind < 0.0);
+    // A law that leaves more than noise is no account of what is left.
+    let closes = |law: &&UnknownLaw| {
+        traced.judge.too_large(law.left, traced.last.dof - law.told) > LEVEL && law.behind < 0.0
+    };
+    let law = traced.unknown.as_ref().filter(closes);
     let gain = law.map_or(0.0, |law| -law.behind);
     // Beside effects that were found, nothing is known of what the law gains over the isolated target.
     let isolated = traced.isolated.as_ref().filter(|isolated| {

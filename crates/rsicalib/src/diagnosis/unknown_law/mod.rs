@@ -54,6 +54,8 @@ pub struct UnknownLaw {
     pub(crate) errors: Vec<f64>,
     /// What data tell of it, in parameters.
     pub(crate) told: f64,
+    /// χ² that it leaves.
+    pub(crate) left: f64,
     /// A formula that does as well; none where none does, or where formulas do not know its variables.
     pub written: Option<Written>,
 }
@@ -112,6 +114,8 @@ struct Scan {
     price: f64,
     /// Errors by the likeliest of them.
     likeliest: Likeliest,
+    /// By how much χ² falls with it.
+    fall: f64,
     /// The likeliest formula.
     written: Option<Written>,
 }
@@ -195,6 +199,7 @@ impl Averaged<'_> {
                     size: scan.likeliest.size()
                         * self.small.mechanism.channels[scan.channel].gain.abs(),
                     told: scan.likeliest.told,
+                    left: beside[0].chi2 - scan.fall,
                     written: scan.written,
                     errors,
                     variables: on.iter().map(|one| one.0).collect(),
@@ -254,7 +259,8 @@ fn likeliest(
         let (set, best) = sets.iter().min_by(|a, b| a.1.price.total_cmp(&b.1.price))?;
         let of: Vec<&Variable> = set.iter().map(|&v| &variables[v]).collect();
         let likeliest = errors[0].likeliest(&of, best)?;
-        Some(Scan { channel, sets, price, likeliest, written: None })
+        let fall = best.fall;
+        Some(Scan { channel, sets, price, likeliest, fall, written: None })
     });
     let scans: Vec<Scan> = scans.into_iter().flatten().collect();
     let places = scans.len() as f64 / prior(Family::Free);
