@@ -58,13 +58,14 @@ def positions(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 def main(folder: Path) -> None:
     """Write two episodes."""
-    import datasets  # noqa: F401  before anything stands in for torch: it asks whether that is there
-
+    # Before anything stands in for torch: it asks whether that is there.
+    importlib.import_module("datasets")
     if importlib.util.find_spec("torch") is None:
-        sys.meta_path.insert(0, Stands())  # type: ignore[arg-type]
+        sys.meta_path.insert(0, Stands())
         for name in ("torch.utils.data", "torch.nn"):  # bases of classes: no mere attributes
             importlib.import_module(name)
-    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+    module = importlib.import_module("lerobot.datasets.lerobot_dataset")
+    LeRobotDataset = module.LeRobotDataset
 
     names = [f"{joint}.pos" for joint in JOINTS]
     feature = {"dtype": "float32", "shape": (len(JOINTS),), "names": names}
