@@ -25,8 +25,8 @@ from tests.oracle import Array
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
 CLAMP = 99.9
 """Percents beyond are stops of the range, and say nothing."""
-TICK = 0.05
-"""Of an encoder: 200 percent are some 4000 steps."""
+ARRIVED = 12
+"""Rows after which the follower of an episode has come to where its leader waits."""
 LAGS = np.arange(0.0, 9.01, 0.1)
 """Delays that are tried [rows]."""
 BLOCK_S = 1.0
@@ -137,22 +137,29 @@ def table(folder: Path) -> Iterator[str]:
 
 def traced(folder: Path) -> Iterator[str]:
     """Lines of a table: what a trace says of the rows without clamped values."""
-    yield "| episode | noise [percent] | verdict | named | lags [s] | misclosure before, after |"
+    yield "| episode | rows | verdict | named | of followers [ms] | misclosure before, after |"
     for file in sorted(folder.glob("teleop_*.csv")):
-        for noise in (None, TICK):
-            rows = np.genfromtxt(file, delimiter=",", names=True)
-            channels = [n for n in rows.dtype.names or () if n.startswith(("leader", "follower"))]
-            keep = np.all([np.abs(rows[n]) < 100.0 for n in channels], axis=0)
-            readings = {n: rows[n][keep] for n in ("time_s", *channels)}
-            found = rsicalib.trace(readings, folder / "teleop.toml", noise=noise)
-            sigma = found.noise.sigma.values() if found.noise is not None else [np.nan]
-            named = ", ".join(f"{step.term} of {step.target}" for step in found.steps)
-            lags = [f"{p.target} {p.value:.2f}" for p in found.parameters if p.term == "lag"]
+        for first in (0, ARRIVED):
+            rows = np.genfromtxt(file, delimiter=",", names=True)[first:]
+            names = [n for n in rows.dtype.names or () if not n.endswith("gripper")]
+            readings = {n: rows[n] for n in names}
+            found = rsicalib.trace(readings, "so101", skip_bad_rows=True)
+            named = ", ".join(f"{step.term} of {label(step.target)}" for step in found.steps)
+            lags = [
+                f"{1e3 * p.value:.0f} ± {1.96e3 * (p.sd or np.nan):.0f}"
+                for p in found.parameters
+                if p.term == "lag"
+            ]
             yield (
-                f"| {file.stem[-1]} | {min(sigma):.2f} to {max(sigma):.2f} | {found.verdict} | "
-                f"{named} | {', '.join(lags)} | {found.before.rms_misclosure:.2f}, "
+                f"| {file.stem[-1]} | from {first + 1} | {found.verdict} | {named} | "
+                f"{', '.join(lags)} | {found.before.rms_misclosure:.2f}, "
                 f"{found.after.rms_misclosure:.2f} |"
             )
+
+
+def label(target: str) -> str:
+    """All five followers by one word."""
+    return "followers" if target.count("follower") == len(JOINTS) else target
 
 
 def main() -> None:

@@ -214,9 +214,10 @@ impl Beam<'_, '_> {
         within(a, b) || within(b, a)
     }
 
-    /// The instances of the single chains that a shared one stands for; none for another.
+    /// The instances of the single chains that a shared one stands for; none for another, and for a
+    /// delay: one joint may be later than all are.
     fn parts_of(&self, instance: &Instance) -> Option<Vec<Instance>> {
-        let shared = instance.target.is_shared();
+        let shared = instance.target.is_shared() && !instance.term.of_any_size();
         shared.then(|| {
             let parts = self.averaged.small.mechanism.parts(instance.target).into_iter();
             parts.map(|target| Instance { target, ..*instance }).collect()
