@@ -32,6 +32,9 @@ pub const UNKNOWN_LAW: &str = "unknown_law";
 /// Longer sessions are not asked: a limit of time.
 const MOST_SAMPLES: usize = 4000;
 
+/// Sets of variables over which formulas are looked for, the likeliest first: a limit of time.
+const MOST_SETS: usize = 4;
+
 /// A law that no term has.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnknownLaw {
@@ -280,8 +283,9 @@ fn formula_of(
     let gains = gain_of(beside.at.observations, variables, scan.channel);
     let errors = Errors::of(&beside.at, rows, scan.channel, &gains);
     let least = scan.sets.iter().map(|(_, e)| e.price).fold(f64::INFINITY, f64::min);
-    let likely = scan.sets.iter().filter(|(_, e)| e.price < least + AS_WELL);
-    let each = likely.filter_map(|(set, evidence)| {
+    let mut likely: Vec<_> = scan.sets.iter().filter(|(_, e)| e.price < least + AS_WELL).collect();
+    likely.sort_by(|a, b| a.1.price.total_cmp(&b.1.price));
+    let each = likely.into_iter().take(MOST_SETS).filter_map(|(set, evidence)| {
         let of: Vec<Quantity> = set.iter().map(|&v| variables[v].quantity).collect();
         let smooth = evidence.price - beside.price;
         formula::written(&beside.at, rows, scan.channel, &of, &errors, (data, beside.chi2, smooth))
