@@ -35,6 +35,7 @@ __all__ = [
     "Excluded",
     "Expected",
     "FitQuality",
+    "FormulaParameter",
     "FoundLaw",
     "Groups",
     "Halves",
@@ -45,7 +46,6 @@ __all__ = [
     "Largest",
     "Law",
     "LawParameter",
-    "LawParameter2",
     "Misclosure",
     "Moved",
     "Name",
@@ -734,7 +734,7 @@ class DependsOn(Record):
 
 
 @dataclass(frozen=True)
-class LawParameter2(Record):
+class FormulaParameter(Record):
     """A parameter of a formula."""
 
     name: str
@@ -753,7 +753,7 @@ class FoundLaw(Record):
     """The channel."""
     formula: str
     """The correction of its coordinate, as a mechanism file writes it."""
-    parameters: tuple[LawParameter2, ...]
+    parameters: tuple[FormulaParameter, ...]
     """Its parameters."""
     probability: float
     """Its probability among all formulas that were weighed, and a smooth function of the same

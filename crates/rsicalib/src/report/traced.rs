@@ -199,7 +199,7 @@ pub struct FoundLaw {
     /// The correction of its coordinate, as a mechanism file writes it.
     pub formula: String,
     /// Its parameters.
-    pub parameters: Vec<LawParameter>,
+    pub parameters: Vec<FormulaParameter>,
     /// Its probability among all formulas that were weighed, and a smooth function of the same
     /// variables.
     pub probability: f64,
@@ -211,7 +211,7 @@ pub struct FoundLaw {
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
-pub struct LawParameter {
+pub struct FormulaParameter {
     /// Its name in the formula.
     pub name: String,
     /// The estimate, to first order.
@@ -228,7 +228,7 @@ impl FoundLaw {
             target: law.target.name(mechanism),
             formula: written.law.correction.clone()?,
             parameters: parameters
-                .map(|(name, [value, sd])| LawParameter {
+                .map(|(name, [value, sd])| FormulaParameter {
                     name: name.clone(),
                     value: *value,
                     sd: *sd,
