@@ -194,9 +194,9 @@ class Worst(Record):
     p_value: float
     """Probability that one of so many poses is as improbable by chance."""
     orientation_rms: float | None = None
-    """Error of its orientation, root mean square of the three angles [rad]."""
+    """Error of its orientation, root mean square of the three angles (rad)."""
     orientation_sd: float | None = None
-    """Predicted standard deviation of that [rad]."""
+    """Predicted standard deviation of that (rad)."""
 
 
 @dataclass(frozen=True)

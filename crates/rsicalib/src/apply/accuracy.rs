@@ -90,10 +90,10 @@ pub struct Worst {
     pub position_sd: f64,
     /// Probability that one of so many poses is as improbable by chance.
     pub p_value: f64,
-    /// Error of its orientation, root mean square of the three angles [rad].
+    /// Error of its orientation, root mean square of the three angles (rad).
     #[cfg_attr(feature = "serde", serde(default))]
     pub orientation_rms: Option<f64>,
-    /// Predicted standard deviation of that [rad].
+    /// Predicted standard deviation of that (rad).
     #[cfg_attr(feature = "serde", serde(default))]
     pub orientation_sd: Option<f64>,
 }
