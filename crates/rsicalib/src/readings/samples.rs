@@ -459,20 +459,15 @@ impl Readings {
         })
     }
 
-    /// Courses of all channels through this recording. Found when first asked for.
-    pub(super) fn courses(&self) -> &Courses {
-        self.courses.get_or_init(|| Courses::of(&self.table, self.channels))
-    }
-
     /// Where the samples of a block are in the recording that they are of; none where no clock tells.
     pub(crate) fn course(&self, block: usize) -> Option<CourseAt<'_>> {
         let rows = &self.blocks.get(block).filter(|_| self.timed && !self.held)?.rows;
-        Some(match &self.whole {
-            Some((whole, middles)) => {
-                CourseAt { readings: whole, rows: rows.map(|row| middles[row]) }
-            }
-            None => CourseAt { readings: self, rows: *rows },
-        })
+        let (whole, rows) = match &self.whole {
+            Some((whole, middles)) => (&**whole, rows.map(|row| middles[row])),
+            None => (self, *rows),
+        };
+        let Self { table, courses, channels, .. } = whole;
+        Some(CourseAt { table, courses, channels: *channels, rows })
     }
 
     /// The directions and these velocities, row by row, one per channel, in blocks.
