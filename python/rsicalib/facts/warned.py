@@ -16,6 +16,7 @@ WarnedKind: TypeAlias = Literal[
     "no_start",
     "same_readings",
     "follow",
+    "mirrored",
     "degrees",
     "units",
     "coarse",
