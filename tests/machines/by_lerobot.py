@@ -58,19 +58,19 @@ def positions(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 def main(folder: Path) -> None:
     """Write two episodes."""
-    # Before anything stands in for torch: it asks whether that is there.
-    importlib.import_module("datasets")
+    importlib.import_module(
+        "datasets"
+    )  # asks whether torch is there: before something stands for it
     if importlib.util.find_spec("torch") is None:
         sys.meta_path.insert(0, Stands())
         for name in ("torch.utils.data", "torch.nn"):  # bases of classes: no mere attributes
             importlib.import_module(name)
-    module = importlib.import_module("lerobot.datasets.lerobot_dataset")
-    LeRobotDataset = module.LeRobotDataset
+    library = importlib.import_module("lerobot.datasets.lerobot_dataset")
 
     names = [f"{joint}.pos" for joint in JOINTS]
     feature = {"dtype": "float32", "shape": (len(JOINTS),), "names": names}
     features = {"action": feature, "observation.state": feature}
-    made = LeRobotDataset.create(
+    made = library.LeRobotDataset.create(
         "me/pick",
         fps=30,
         features=features,

@@ -146,7 +146,7 @@ def traced(folder: Path) -> Iterator[str]:
             found = rsicalib.trace(readings, "so101", skip_bad_rows=True)
             named = ", ".join(f"{step.term} of {label(step.target)}" for step in found.steps)
             lags = [
-                f"{1e3 * p.value:.0f} ± {1.96e3 * (p.sd or np.nan):.0f}"
+                f"{1e3 * (p.value or 0.0):.0f} ± {1.96e3 * (p.sd or np.nan):.0f}"
                 for p in found.parameters
                 if p.term == "lag" and p.value is not None
             ]

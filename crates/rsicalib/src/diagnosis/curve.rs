@@ -60,6 +60,7 @@ pub fn curve(fit: &Fit, instance: &Instance, first: usize) -> Option<Curve> {
             approach: &still,
             velocity: &still,
             course: None,
+            late: [0.0; 2],
             pose: Lanes::ZERO,
             place: instance.place,
         };

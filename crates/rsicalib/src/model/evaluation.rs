@@ -166,6 +166,7 @@ impl Model {
             approach,
             velocity,
             course: readings.course(block).filter(|_| self.moving),
+            late: [0.0; 2],
             pose: meta.pose,
             place: 0,
         };
@@ -183,6 +184,9 @@ impl Model {
             site.place = e.place;
             let channel = e.channel;
             site.channel = channel;
+            if e.term.is_delay() {
+                site.late = self.delays(beta, channel, e.first);
+            }
             let row = &mut ws.mix[channel * channels..(channel + 1) * channels];
             match e.session.map(|s| meta.within(s)) {
                 _ if absent(p) => {}
@@ -236,6 +240,15 @@ impl Model {
                 }
             }
         }
+    }
+
+    /// The delays of a channel by the terms before the one with this parameter, and by all.
+    fn delays(&self, beta: &[f64], channel: usize, before: usize) -> [f64; 2] {
+        let own = self.electronics.iter().filter(|e| e.channel == channel && e.term.is_delay());
+        own.fold([0.0; 2], |[sum, all], e| {
+            let lag = beta[e.first];
+            [if e.first < before { sum + lag } else { sum }, all + lag]
+        })
     }
 
     /// Eq. (43): joints give under gravity.

@@ -48,6 +48,7 @@ impl Model {
             approach,
             velocity,
             course: readings.course(block).filter(|_| self.moving),
+            late: [0.0; 2],
             pose: meta.pose,
             place: 0,
         };

@@ -11,6 +11,8 @@
 //! tells what was read there. `n` is the reach, of those up to [`FARTHEST`], by which a row is best
 //! predicted from its neighbours: as far as noise asks for, and no farther than motion allows.
 
+use std::sync::OnceLock;
+
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::readings::table::Table;
 
@@ -38,9 +40,10 @@ pub(crate) struct Courses {
 /// The courses about the eight samples of a block.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CourseAt<'a> {
-    /// The recording.
     pub(super) table: &'a Table,
-    pub(super) courses: &'a Courses,
+    /// Found when first asked for.
+    pub(super) courses: &'a OnceLock<Courses>,
+    pub(super) channels: usize,
     /// Rows of the recording at which the samples were taken.
     pub(super) rows: [usize; WIDTH],
 }
@@ -48,13 +51,14 @@ pub(crate) struct CourseAt<'a> {
 impl CourseAt<'_> {
     /// By how much a channel reads more `later` seconds after each sample, and its velocity there.
     pub fn change(&self, channel: usize, later: f64) -> [Lanes; 2] {
+        let courses = self.courses.get_or_init(|| Courses::of(self.table, self.channels));
         let mut found = [Lanes::ZERO; 2];
         for (lane, &row) in self.rows.iter().enumerate() {
             if lane > 0 && row == self.rows[lane - 1] {
                 (found[0].0[lane], found[1].0[lane]) = (found[0].0[lane - 1], found[1].0[lane - 1]);
                 continue;
             }
-            let [change, slope] = self.courses.change(self.table, row, channel, later);
+            let [change, slope] = courses.change(self.table, row, channel, later);
             (found[0].0[lane], found[1].0[lane]) = (change, slope);
         }
         found

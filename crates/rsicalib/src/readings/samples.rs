@@ -473,11 +473,6 @@ impl Readings {
         })
     }
 
-    /// Courses of all channels through this recording. Found when first asked for.
-    fn courses(&self) -> &Courses {
-        self.courses.get_or_init(|| Courses::of(&self.table, self.channels))
-    }
-
     /// Where the samples of a block are in the recording that they are of; none where no clock tells.
     pub(crate) fn course(&self, block: usize) -> Option<CourseAt<'_>> {
         let rows = &self.blocks.get(block).filter(|_| self.timed && !self.held)?.rows;
@@ -485,7 +480,8 @@ impl Readings {
             Some((whole, middles)) => (&**whole, rows.map(|row| middles[row])),
             None => (self, *rows),
         };
-        Some(CourseAt { table: &whole.table, courses: whole.courses(), rows })
+        let Self { table, courses, channels, .. } = whole;
+        Some(CourseAt { table, courses, channels: *channels, rows })
     }
 
     /// The directions and these velocities, row by row, one per channel, in blocks.

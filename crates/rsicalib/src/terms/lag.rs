@@ -44,11 +44,17 @@ impl Term for Lag {
 
 impl Electronics for Lag {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {
-        change(site, p[0])[0]
+        let [before, _] = site.late;
+        change(site, before + p[0])[0] - change(site, before)[0]
     }
 
-    fn partials(&self, p: &[f64], site: &Site, out: &mut [Lanes]) {
-        out[0] = change(site, p[0])[1];
+    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
+        let [_, all] = site.late;
+        out[0] = change(site, all)[1];
+    }
+
+    fn is_delay(&self) -> bool {
+        true
     }
 
     fn slopes(&self, p: &[f64], site: &Site, out: &mut [Lanes]) {

@@ -190,6 +190,8 @@ pub struct Site<'a> {
     pub velocity: &'a [Lanes],
     /// Where the samples are in their recording; none for poses, and where no term asks.
     pub(crate) course: Option<CourseAt<'a>>,
+    /// Delays of the channel by the terms before this one, and by all of them: they add up.
+    pub(crate) late: [f64; 2],
     /// Number of each sample's pose.
     pub pose: Lanes,
     /// Place of the instance: the pose, or the other channel, where a searched term acts.
@@ -242,6 +244,11 @@ pub trait Electronics: Sync {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes;
     /// Derivatives of the correction by `p`.
     fn partials(&self, p: &[f64], site: &Site, out: &mut [Lanes]);
+    /// True for a term whose only parameter is a delay: those of one channel add up, and the
+    /// correction of each is beside those before it.
+    fn is_delay(&self) -> bool {
+        false
+    }
     /// Derivatives of the correction by every reading, added to `out`.
     fn slopes(&self, p: &[f64], site: &Site, out: &mut [Lanes]);
 }
