@@ -516,6 +516,12 @@ def test_normal_devices_seldom_stand_out() -> None:
     assert limit(1) == pytest.approx(2.5758, abs=1e-4)  # 0.5 % in each tail, any table
 
 
+def paged(rows: dict[str, list[Any]]) -> str:
+    """The page of a fleet's rows."""
+    spread = spreads(rows)
+    return page(rows, "device", MECHANISM, spread, remarks(rows, "device", spread))
+
+
 def test_a_device_far_from_the_others_is_named_with_the_parameter() -> None:
     rows = drawn(400, 0)
     rows["p7"][33] = 7.0 + 0.1 * 8
@@ -525,16 +531,16 @@ def test_a_device_far_from_the_others_is_named_with_the_parameter() -> None:
     assert set(found) == {33, 44, 55}
     assert "p7" in found[33].why and found[33].size == pytest.approx(8, rel=0.2)
     assert found[44].why == "p2 is known 20.0 times worse than usual"
-    html = page(rows, "device", MECHANISM)
+    html = paged(rows)
     assert "3 of 400 devices stand out." in html
     assert "&lt;NaN&gt;" in html and "<NaN>" not in html
 
 
 def test_a_lack_that_all_devices_share_shows_in_the_p_values() -> None:
     rows = drawn(400, 1)
-    assert "lack an effect" not in page(rows, "device", MECHANISM)
+    assert "lack an effect" not in paged(rows)
     rows["p_value"] = [p**2 for p in rows["p_value"]]  # a tenth of them below 1 %
-    assert "lack an effect" in page(rows, "device", MECHANISM)
+    assert "lack an effect" in paged(rows)
 
 
 # ------------------------------------------------------------------ Dask

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import rsicalib
 from rsicalib.fleets.map import MOST_DEVICES, map_figure
 from rsicalib.fleets.page import page
-from rsicalib.fleets.standing_out import spreads
+from rsicalib.fleets.standing_out import remarks, spreads
 from rsicalib.report.figure import STYLE
 from rsicalib.report.svg import NARROW, WIDE
 
@@ -68,11 +69,18 @@ def test_what_is_not_known_is_no_dark_cell() -> None:
     assert re.search(rf"svg \.{cell} {{ fill: none;", STYLE)
 
 
+def paged(rows: dict[str, list[Any]], at: Path | None = None) -> str:
+    """The page of a fleet's rows."""
+    spread = spreads(rows)
+    out = remarks(rows, "device", spread)
+    return page(rows, "device", rsicalib.load_mechanism("rsi"), spread, out, at=at)
+
+
 def test_why_of_a_traced_device_is_what_was_found() -> None:
     rows = drawn()
     rows["verdict"][5] = "explained"
     rows["steps"][5] = json.dumps([{"term": "once_per_turn", "target": "a22"}])
-    text = page(rows, "device", rsicalib.load_mechanism("rsi"))
+    text = paged(rows)
     assert '<td>no. 5</td><td>explained</td><td class="long">once per turn of a22</td>' in text
     assert '<figure id="map">' in text
 
@@ -90,7 +98,7 @@ def test_a_device_that_stands_out_has_one_row_with_why_and_a_link(tmp_path: Path
         for name in NAMES:
             rows[name][k] = 9.0 + k
     rows["steps"][5] = json.dumps([{"term": "wander", "target": "a12"}])
-    text = page(rows, "device", rsicalib.load_mechanism("rsi"), at=tmp_path / "out")
+    text = paged(rows, at=tmp_path / "out")
     found = dict(
         re.findall(r'>(no\. \d+)</a></td><td>[\w ]+</td><td class="long">(.*?)</td>', text)
     )

@@ -756,8 +756,7 @@ class FoundLaw(Record):
     parameters: tuple[FormulaParameter, ...]
     """Its parameters."""
     probability: float
-    """Its probability among all formulas that were weighed, and a smooth function of the same
-    variables."""
+    """Its probability among all formulas that were weighed and the smooth function."""
     term: str
     """Lines for the mechanism file that make it a term."""
 
@@ -778,7 +777,7 @@ class Unexplained(Record):
     """What the likeliest law that no term has depends on, where it ties with what was found, or
     something is left."""
     law: FoundLaw | None = field(default=None, metadata=IF_KNOWN)
-    """A formula that is as likely as that law."""
+    """A formula that fits as well as that law, within 6 in price."""
 
 
 @dataclass(frozen=True)
@@ -1082,8 +1081,6 @@ class Hypothesis(Record):
 
     effects: tuple[Name, ...]
     """The effects, wrong readings left out; none: the model that the search began with."""
-    probability: float | None
-    """Probability among the explanations that were weighed; null for what was not among them."""
     kind: str
     """What this is."""
     parameters: tuple[ParameterName, ...]

@@ -22,7 +22,7 @@ from rsicalib._core import Mechanism
 from rsicalib.facts.verdicts import EXIT_CODES, UNUSABLE
 from rsicalib.fleets.frames import numbers_of
 from rsicalib.fleets.map import map_figure
-from rsicalib.fleets.standing_out import Remark, Spread, remarks, spreads
+from rsicalib.fleets.standing_out import Remark, Spread
 from rsicalib.plain_text import counted
 from rsicalib.report.figure import Figure
 from rsicalib.report.page import document, pictures, section, table
@@ -48,6 +48,8 @@ def page(
     rows: Mapping[str, Sequence[Any]],
     by: str,
     mechanism: Mechanism,
+    spread: Sequence[Spread],
+    out: Sequence[Remark],
     together: Sequence[str] = (),
     at: Path | None = None,
     shifts: Sequence[Mapping[str, Any]] = (),
@@ -63,13 +65,16 @@ def page(
         The column that names the device.
     mechanism : Mechanism
         What all devices are.
+    spread : sequence of Spread
+        How far parameters are apart, as `spreads` of the rows tells.
+    out : sequence of Remark
+        Devices that stand out, as `remarks` of the rows tells.
     together : sequence of str
         What the devices have in common, in sentences.
     at : Path, optional
         Folder that the page is for: files of devices are links from there.
     shifts : sequence of dict
         How far parameters are from the drawing, and how much they differ, as `first_line` tells.
-
     reports : mapping of str to str, optional
         Of some devices the report, from the folder of the page.
 
@@ -78,8 +83,6 @@ def page(
     str
         The document.
     """
-    spread = spreads(rows)
-    out = remarks(rows, by, spread)
     devices = list(dict.fromkeys(str(remark.device) for remark in out))
     listed = set(devices[:LISTED])
     good = "bad" if devices else "good"
@@ -237,31 +240,46 @@ def _fits(rows: Mapping[str, Sequence[Any]]) -> Figure | None:
 
 
 def _differ(shifts: Sequence[Mapping[str, Any]]) -> str:
-    """How much devices differ beside the errors of their estimates."""
+    """How much devices, or what is above them, differ beside the errors of their estimates."""
     if not shifts:
         return ""
-    listed = []
+    heads, listed = _of_levels(shifts) if "levels" in shifts[0] else _of_devices(shifts)
+    words = "differences over the fleet"
+    return section("How much devices differ", table(heads, listed, 1, words, wide=True))
+
+
+def _of_devices(shifts: Sequence[Mapping[str, Any]]) -> tuple[Sequence[str], list[Sequence[str]]]:
+    """Heads and rows of a table with one row for each parameter."""
+    heads = ("parameter", "mean from the drawing", "sd between devices", "95 %")
+    rows: list[Sequence[str]] = [
+        (s["parameter"], _mean(s), number(s["between"]), _ends(s["between_interval"]))
+        for s in shifts
+    ]
+    return heads, rows
+
+
+def _of_levels(shifts: Sequence[Mapping[str, Any]]) -> tuple[Sequence[str], list[Sequence[str]]]:
+    """Heads and rows of a table with one row for each level of each parameter."""
+    heads = ("parameter", "mean from the drawing", "between (groups)", "sd", "95 %")
+    rows: list[Sequence[str]] = []
     for one in shifts:
-        told = one["p_value"] is not None and one["half"] is not None
-        shift = " ± ".join(plus_minus(one["value"], one["half"])) if told else "–"
-        if "levels" not in one:
-            apart = one["between"], _ends(one["between_interval"])
-            listed.append((one["parameter"], shift, number(apart[0]), apart[1]))
-            continue
-        for k, level in enumerate(one["levels"]):
-            head = (one["parameter"], shift) if k == 0 else ("", "")
+        head = one["parameter"], _mean(one)
+        for level in one["levels"]:
             name = f"{level['level']} ({level['groups']})"
+            apart = number(level["sd"]), _ends(level["interval"])
             if level["sd"] is None:
                 same = level["same_as"]
-                why = "one group" if same is None else f"the groups of {same}"
-                listed.append((*head, name, "not told", why))
-            else:
-                listed.append((*head, name, number(level["sd"]), _ends(level["interval"])))
-    heads: tuple[str, ...] = ("parameter", "mean from the drawing", "sd between devices", "95 %")
-    if shifts and "levels" in shifts[0]:
-        heads = (*heads[:2], "between (groups)", "sd", heads[3])
-    words = "differences over the fleet"
-    return section("How much devices differ", table(heads, listed, 1, words))
+                apart = "not told", "one group" if same is None else f"the groups of {same}"
+            rows.append((*head, name, *apart))
+            head = "", ""
+    return heads, rows
+
+
+def _mean(shift: Mapping[str, Any]) -> str:
+    """How far a parameter is from the drawing, on average."""
+    if shift["p_value"] is None or shift["half"] is None:
+        return "–"
+    return " ± ".join(plus_minus(shift["value"], shift["half"]))
 
 
 def _ends(ends: Sequence[float | None] | None) -> str:
@@ -281,6 +299,5 @@ def _parameters(spread: Sequence[Spread], rows: Mapping[str, Sequence[Any]], by:
         numbers = (plus_minus(one.median, one.within)[0], *map(number, (one.between, one.within)))
         listed.append((one.name, *numbers, f"{labels[furthest]} ({far:.1f} sd)"))
     heads = ("parameter", "median", "sd between devices", "sd of one device", "furthest")
-    return section(
-        "Parameters over the fleet", table(heads, listed, 1, "parameters over the fleet")
-    )
+    words = "parameters over the fleet"
+    return section("Parameters over the fleet", table(heads, listed, 1, words, wide=True))

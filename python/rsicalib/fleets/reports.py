@@ -49,6 +49,8 @@ def write_reports(
     dict of str to str
         Of each device its report, from the folder; none of one that cannot be used.
     """
+    for old in (folder / FOLDER).glob("*.html"):
+        old.unlink()  # of an earlier run, whose devices had other numbers
     numbers = {label: number for number, label in enumerate(devices, start=1)}
     found: dict[str, str] = {}
     for part in partitions if devices else ():

@@ -242,7 +242,8 @@ def fleet(
         found, devices = joint(job.mechanism, by, tolerances, used, again, grouped)
         files = store.write_population(found, devices)
     said = sentences(first, found)
-    out_of = remarks(table, by, spreads(table))
+    spread = spreads(table)
+    out_of = remarks(table, by, spread)
     wanted = list(dict.fromkeys(remark.device for remark in out_of))[:reports]
 
     def reported(number: int) -> None:
@@ -253,8 +254,9 @@ def fleet(
     links = write_reports(
         source.partitions(PARTITION), wanted, store.folder, job.mechanism, used, reported
     )
-    html = page(table, by, job.mechanism, said, Path(out), first["shifts"], links)
-    return Fleet(table, by, (*store.write_page(html), *files), first, found)
+    html = page(table, by, job.mechanism, spread, out_of, said, Path(out), first["shifts"], links)
+    written = (store.folder / link for link in links.values())
+    return Fleet(table, by, (*store.write_page(html), *files, *written), first, found)
 
 
 def _levels(

@@ -99,5 +99,9 @@ def _effects(names: Sequence[Name]) -> set[tuple[str, str]]:
     return {(n.term, n.target) for n in names}
 
 
+NO_EFFECT = "no effect, but noise or wrong readings"
+"""An explanation without effects, in words."""
+
+
 def _name(rival: Rival) -> str:
-    return listed_words([subject(name) for name in rival.terms] or ["nothing is missing"])
+    return listed_words([subject(name) for name in rival.terms] or [NO_EFFECT])

@@ -194,9 +194,10 @@ def table(
     *,
     long: str | None = None,
     links: Mapping[str, str] | None = None,
+    wide: bool = False,
 ) -> str:
     """A table: the first `text` columns are words, `long` one of sentences, the others numbers;
-    cells that are in `links` lead there.
+    cells that are in `links` lead there. A `wide` one is not printed in two columns.
     """
 
     def cells(row: Sequence[str], tag: str) -> str:
@@ -217,7 +218,8 @@ def table(
     body = "\n".join(f"<tr>{cells(row, 'td')}</tr>" for row in rows)
     head = f"<thead><tr>{cells(heads, 'th')}</tr></thead>"
     named = f' role="region" aria-label="{escape(words)}" tabindex="0"' if words else ""
-    return f'<div class="scroll"{named}><table>{head}\n<tbody>\n{body}\n</tbody></table></div>'
+    kind = "scroll wide" if wide else "scroll"
+    return f'<div class="{kind}"{named}><table>{head}\n<tbody>\n{body}\n</tbody></table></div>'
 
 
 def section(title: str, *parts: str) -> str:
@@ -296,8 +298,9 @@ def _headline(result: ResultShape, evidence: Evidence | None) -> str:
     if row is None:
         return ""
     first, drawn = row.before, ""
-    if first == row.cells[2]:
-        first = None  # what was found is not applied: it has changed nothing
+    steps = result.steps if isinstance(result, TraceShape) else ()
+    if not any(step.applied for step in steps):
+        first = None  # nothing has changed since
     elif first is None and (error := _as_drawn(evidence)):
         first, drawn = error, " as drawn"
     old = "" if first is None else f"<del>{escape(first)}</del>{drawn} → "

@@ -268,6 +268,9 @@ def sentence(result: ResultShape) -> str:
     if result.verdict == "unexplained":
         if isinstance(result, TraceShape):
             where = place_words(result)
+            if result.reasons and result.reasons[0].kind == "unknown_law":
+                law = f"a law that no term has,{where}, is likelier than chance"
+                return f"Unexplained: {law}, though no more is left than noise ({judged})."
             return f"Unexplained: no known effect explains what is left{where} ({judged})."
         return f"The residual is significant ({judged}): the model lacks something."
     count = len(result.excluded)

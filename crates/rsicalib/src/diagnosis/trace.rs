@@ -111,10 +111,12 @@ impl Traced {
         Stretches::in_session(self.stretches.as_ref(), instance)
     }
 
-    /// True where more than noise is left of a session in which no effect was found.
+    /// True where something is to be explained: effects were found, more than noise is left, or a law that
+    /// no term has is likelier than chance.
     #[must_use]
-    pub fn is_unexplained(&self) -> bool {
-        self.found.is_empty() && self.p_value.is_some_and(|p| p <= LEVEL)
+    pub fn lacks_something(&self) -> bool {
+        let left_over = self.p_value.is_some_and(|p| p <= LEVEL);
+        left_over || !self.found.is_empty() || self.unknown.is_some()
     }
 
     /// The session and the fit to judge and to draw by: where the search was by stretches, those of

@@ -22,7 +22,7 @@ use crate::numerics::profile::{Along, OFF, ends};
 const UPPER: f64 = 0.975;
 
 /// Normal quantile of an interval of 95 %.
-const LINEAR: f64 = 1.959_963_984_540_054;
+pub(crate) const LINEAR: f64 = 1.959_963_984_540_054;
 
 /// Ends of 95 % of each parameter as it is reported, from its value: infinite where the readings do not
 /// bound it, none where they are those of `± 1.96 sd`, to 4.4 % of them.

@@ -16,7 +16,7 @@ mod expected;
 mod fit;
 mod fitted;
 mod implicit;
-mod intervals;
+pub(crate) mod intervals;
 pub(crate) mod lengths;
 mod mirrors;
 pub mod noise;

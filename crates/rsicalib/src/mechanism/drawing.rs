@@ -323,9 +323,7 @@ impl Row {
         let axes = Matrix3::from_columns(&[along, z.cross(&along), z]);
         UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes))
     }
-}
 
-impl Row {
     /// Axes in the frame after the joint, x leading to the next joint; `None` for a body without a
     /// length.
     #[must_use]

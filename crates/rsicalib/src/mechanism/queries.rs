@@ -140,6 +140,12 @@ impl Mechanism {
         each_once(measured.iter().chain(heights).chain(points).chain(declared).chain(torques))
     }
 
+    /// True where the mechanism says of drives what an open chain does not: which joints have none, or
+    /// what one does.
+    pub(crate) fn tells_of_drives(&self) -> bool {
+        self.channels.iter().any(|channel| channel.passive || channel.torque.is_some())
+    }
+
     /// The channels that read the length of a distance.
     pub(crate) fn measures(&self, channel: usize) -> bool {
         let name = self.channels.get(channel).map(|c| &c.name);

@@ -595,7 +595,7 @@ impl Model {
         readings: &Readings,
         held_by: &Mechanism,
     ) -> Result<Option<Drives>, Error> {
-        if !mechanism.channels.iter().any(|channel| channel.passive || channel.torque.is_some()) {
+        if !mechanism.tells_of_drives() {
             return Ok(None);
         }
         let drawn = Self::with_null_equations(mechanism, readings, Vec::new())?;

@@ -1,7 +1,7 @@
 //! Torques of drives in closed loops, by sample and joint.
 
 use crate::kinematics::elements::Weight;
-use crate::mechanism::{Mechanism, Target};
+use crate::mechanism::{Mechanism, Target, Variable};
 use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Term};
 
@@ -29,14 +29,16 @@ impl Drives {
         Self { torques, chains, untold }
     }
 
-    /// True where nothing tells what a load does at a target: a loop has more drives than motions.
+    /// True where nothing tells the torque on which a term depends at a target: a loop has more drives
+    /// than motions.
     pub(crate) fn hide(&self, mechanism: &Mechanism, term: &dyn Term, target: Target) -> bool {
         let whose = match term.acts() {
             Acts::Load(whose) => whose,
-            _ => weight_of(mechanism),
+            Acts::Coupled(law) if law.has(Variable::Torque) => weight_of(mechanism),
+            _ => return false,
         };
         let untold = |c: &usize| self.untold[whose as usize][*c];
-        term.is_load() && mechanism.channels_at(target).iter().any(untold)
+        mechanism.channels_at(target).iter().any(untold)
     }
 
     /// The joints of a chain.

@@ -184,7 +184,7 @@ pub struct Unexplained {
     /// something is left.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     pub depends_on: Vec<DependsOn>,
-    /// A formula that is as likely as that law.
+    /// A formula that fits as well as that law, within 6 in price.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub law: Option<FoundLaw>,
 }
@@ -200,8 +200,7 @@ pub struct FoundLaw {
     pub formula: String,
     /// Its parameters.
     pub parameters: Vec<FormulaParameter>,
-    /// Its probability among all formulas that were weighed, and a smooth function of the same
-    /// variables.
+    /// Its probability among all formulas that were weighed and the smooth function.
     pub probability: f64,
     /// Lines for the mechanism file that make it a term.
     pub term: String,
@@ -550,7 +549,7 @@ fn rival(observations: &Observations, explanation: &Explanation) -> RivalReport 
 /// The explanations that are nearly as good as the best, a law that no term has among them; none where
 /// nothing is to be explained.
 fn rivals_of(traced: &Traced) -> Vec<RivalReport> {
-    if traced.found.is_empty() && !traced.is_unexplained() {
+    if !traced.lacks_something() {
         return Vec::new();
     }
     let mut all: Vec<RivalReport> = traced.rivals.iter().map(|e| rival(&traced.small, e)).collect();

@@ -12,6 +12,7 @@ use crate::diagnosis::unknown_law::variables::Quantity;
 use crate::diagnosis::unknown_law::{DependsOn, UnknownLaw};
 use crate::estimate::degrees::degrees_in;
 use crate::estimate::directions::{Direction, Directions, Moves};
+use crate::estimate::intervals::LINEAR;
 use crate::estimate::noise::source::{NoiseEstimate, Source};
 use crate::estimate::suspicion::{Closes, InDegrees, Measure, Scaled, Shown, Suspicion, Witness};
 use crate::estimate::tried::{Gains, Origin};
@@ -549,9 +550,7 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
         }
         Residual::UnknownLaw(law) => {
             let text = match law.replaces.is_empty() {
-                true => {
-                    "no more left than the noise that is declared, but a part of it is no chance"
-                }
+                true => "no more left than the noise, but a part of it is no chance",
                 false => {
                     "nothing left above the noise, but what was found may stand for a law that no \
                      term has"
@@ -703,7 +702,7 @@ fn formula(written: &Written) -> String {
     let parameters = written.law.parameters.keys().zip(&written.values);
     let each: Vec<String> = parameters
         .map(|(name, [value, sd])| {
-            format!("{name} = {} ± {}", significant(*value, 3), significant(1.96 * sd, 2))
+            format!("{name} = {} ± {}", significant(*value, 3), significant(LINEAR * sd, 2))
         })
         .collect();
     format!(
@@ -720,7 +719,7 @@ pub fn as_term(law: &Law) -> String {
     let sizes: Vec<String> =
         law.parameters.iter().map(|(name, size)| format!("{name} = {size:e}")).collect();
     format!(
-        "[[term]]\nid = \"{}\"\nclass = \"{}\"\nper = \"{}\"\nparameters = {{ {} }}\ncorrection = \"{}\"\n",
+        "[[term]]\nid = {:?}\nclass = {:?}\nper = {:?}\nparameters = {{ {} }}\ncorrection = {:?}\n",
         law.id,
         word(&law.class),
         word(&law.per),

@@ -1,12 +1,14 @@
 //! What may be missing: every term at every target that mechanism and readings allow.
 
+use std::cell::LazyCell;
+
 use crate::Error;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::{Instance, Model, SHARES, places};
 use crate::terms;
 use crate::terms::targets::{provided, searchable, shared, targets, targets_in};
-use crate::terms::term::{Per, Placed, Role, Spot, Term};
+use crate::terms::term::{Acts, Per, Placed, Role, Spot, Term};
 
 /// Named and free candidates that mechanism and readings allow.
 #[must_use]
@@ -14,10 +16,7 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
     let (mechanism, readings) = (&observations.mechanism, &observations.readings);
     let told = fit.model.told_by(readings, &observations.weights);
     let room = told.saturating_sub(fit.beta.len());
-    let drives = Model::drives(mechanism, readings, mechanism).ok().flatten();
-    let hidden = |term: &dyn Term, target: Target| {
-        drives.as_ref().is_some_and(|drives| drives.hide(mechanism, term, target))
-    };
+    let hidden = hidden(observations);
     let mut all = Vec::new();
     for term in terms::all(mechanism) {
         let info = term.info();
@@ -50,18 +49,26 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
 #[must_use]
 pub fn lacking(observations: &Observations) -> Vec<(&'static str, &'static str)> {
     let (mechanism, readings) = (&observations.mechanism, &observations.readings);
-    let drives = Model::drives(mechanism, readings, mechanism).ok().flatten();
+    let hidden = hidden(observations);
     let lacks = |term: &&'static dyn Term| match searchable(*term, mechanism, readings) {
         Err(Error::Context { term, needs }) => Some((term, needs)),
         _ => {
-            let hidden = |target: &Target| {
-                drives.as_ref().is_some_and(|drives| drives.hide(mechanism, *term, *target))
-            };
-            let some = targets(*term, mechanism).iter().any(hidden);
+            let some = targets(*term, mechanism).iter().any(|target| hidden(*term, *target));
             some.then_some((term.info().id, SHARES))
         }
     };
     terms::all(mechanism).iter().filter_map(lacks).collect()
+}
+
+/// Whether nothing tells the torque on which a term depends at a target. The torques are computed for
+/// the first term that may depend on one.
+fn hidden(observations: &Observations) -> impl Fn(&dyn Term, Target) -> bool {
+    let (mechanism, readings) = (&observations.mechanism, &observations.readings);
+    let drives = LazyCell::new(|| Model::drives(mechanism, readings, mechanism).ok().flatten());
+    move |term, target| {
+        matches!(term.acts(), Acts::Load(_) | Acts::Coupled(_))
+            && drives.as_ref().is_some_and(|drives| drives.hide(mechanism, term, target))
+    }
 }
 
 /// True where a chain carries points at several places: turned, they are not where any one shift

@@ -18,12 +18,12 @@ use crate::diagnosis::price::{Data, charge};
 use crate::diagnosis::unknown_law::evidence::{Basis, Errors};
 use crate::diagnosis::unknown_law::variables::Quantity;
 use crate::estimate::at_fit::AtFit;
-use crate::mechanism::{Class, Law, Per};
+use crate::mechanism::{Class, Law, Mechanism, Per};
 use crate::model::{Model, Want, Workspace};
 use crate::numerics::lanes::Lanes;
 use crate::text::significant;
 
-/// Id of what is found: a mechanism file may give it a better one.
+/// Id of what is found, with a number where the mechanism has such a law already.
 const FOUND: &str = "found_law";
 
 /// Products in a sum, at the most.
@@ -79,9 +79,8 @@ struct Sum {
     price: f64,
 }
 
-/// The formula that explains the errors of a channel best, over some of its variables; none where
-/// formulas do not know them, or where none is as likely as one in so many by `smooth`, the price (115) of
-/// a smooth function of the same.
+/// The formula that explains the errors of a channel best, over some variables; none where formulas do
+/// not know these, or where no product shows. `smooth` is the price (115) of a smooth function of them.
 pub(super) fn written(
     at: &AtFit,
     rows: &[usize],
@@ -119,18 +118,25 @@ pub(super) fn written(
     let values: Vec<[f64; 2]> =
         (0..best.of.len()).map(|k| [-estimate[k], inverse[(k, k)].max(0.0).sqrt()]).collect();
     let terms: Vec<&Factor> = best.of.iter().map(|&j| &products[j]).collect();
-    let law = law(&terms, &values);
+    let law = law(free_id(mechanism), &terms, &values);
     law.formula().ok()?;
     Some(Written { law, values, price: best.price, probability: 1.0 / all })
 }
 
-/// The law of a sum, named as what it was found for.
-fn law(terms: &[&Factor], values: &[[f64; 2]]) -> Law {
+/// An id that no law of a mechanism has.
+fn free_id(mechanism: &Mechanism) -> String {
+    let taken = |id: &String| mechanism.laws.iter().any(|law| law.id == *id);
+    let numbered = (2..).map(|k| format!("{FOUND}_{k}"));
+    std::iter::once(FOUND.to_owned()).chain(numbered).find(|id| !taken(id)).unwrap_or_default()
+}
+
+/// The law of a sum.
+fn law(id: String, terms: &[&Factor], values: &[[f64; 2]]) -> Law {
     let names: Vec<String> = (1..=terms.len()).map(|k| format!("c{k}")).collect();
     let products = names.iter().zip(terms).map(|(c, factor)| format!("{c}*{}", factor.text));
     let sizes = names.iter().zip(values).map(|(c, value)| (c.clone(), value[0].abs()));
     Law {
-        id: FOUND.into(),
+        id,
         class: Class::Sensor,
         per: Per::Channel,
         parameters: sizes.collect::<BTreeMap<String, f64>>(),
@@ -165,7 +171,8 @@ fn name(at: &AtFit, rows: &[usize], channel: usize, quantity: Quantity) -> Optio
         Quantity::Temperature => {
             plain("temperature", of(&|block, lane| readings.blocks()[block].temperature.0[lane]))
         }
-        Quantity::Torque(c) if c == channel => {
+        // Of drives in closed loops `torque` is another, (46).
+        Quantity::Torque(c) if c == channel && !mechanism.tells_of_drives() => {
             let torques = Model::torques(mechanism, readings, |b| at.settled(b)).ok()?;
             plain("torque", of(&|block, lane| torques[block][c].0[lane]))
         }

@@ -33,33 +33,30 @@ pub fn hypotheses(traced: &Traced, known: Option<&Known>) -> Result<Vec<Hypothes
     let Traced { small, last, .. } = traced;
     let found: Vec<Instance> =
         traced.found.iter().map(|f| f.instance).filter(|i| !is_data(i)).collect();
-    if found.is_empty() && !traced.is_unexplained() {
+    if !traced.lacks_something() {
         return Ok(Vec::new());
     }
     let base: Vec<Instance> =
         last.model.instances.iter().filter(|i| !found.contains(i)).copied().collect();
-    let probability = |effects: &[Instance]| {
-        traced.rivals.iter().find(|r| alike(&r.effects, effects)).map(|r| r.probability)
-    };
-    let mut all = vec![(HypothesisKind::Nothing, Vec::new(), None)];
+    let mut all = vec![(HypothesisKind::Nothing, Vec::new())];
     if !found.is_empty() {
-        all.push((HypothesisKind::Found, found.clone(), probability(&found)));
+        all.push((HypothesisKind::Found, found.clone()));
     }
     let listed = |effects: &[Instance]| !effects.is_empty() && !alike(effects, &found);
     let others = traced.rivals.iter().filter(|r| listed(&r.effects));
-    all.extend(others.map(|r| (HypothesisKind::Rival, r.effects.clone(), Some(r.probability))));
+    all.extend(others.map(|r| (HypothesisKind::Rival, r.effects.clone())));
     let curves = any_curve(&found);
-    let same = |(_, effects, _): &(_, Vec<Instance>, _)| alike(effects, &curves);
+    let same = |(_, effects): &(_, Vec<Instance>)| alike(effects, &curves);
     if !curves.is_empty() && !all.iter().any(same) {
-        all.push((HypothesisKind::AnyCurve, curves, None));
+        all.push((HypothesisKind::AnyCurve, curves));
     }
     let mut out = Vec::with_capacity(all.len());
-    for (kind, effects, probability) in all {
+    for (kind, effects) in all {
         let instances = base.iter().chain(&effects).copied().collect();
         // What these readings cannot fit is no hypothesis of them.
         let Ok(one) = fit(small, instances, Some(last)) else { continue };
         let effects = effects.iter().map(|i| Place::of(small, i)).collect();
-        out.push(Hypothesis { kind, effects, probability, ..of_fit(traced, small, &one, known)? });
+        out.push(Hypothesis { kind, effects, ..of_fit(traced, small, &one, known)? });
     }
     if let Some(law) = &traced.unknown {
         out.extend(of_law(traced, law)?);
@@ -112,7 +109,6 @@ fn of_fit(
     let checked = known.map(|k| check(small, one, k, k.align)).transpose()?;
     Ok(Hypothesis {
         effects: Vec::new(),
-        probability: None,
         kind: HypothesisKind::Nothing,
         parameters: names.map(ParameterName::from).collect(),
         fit: SwitchFit {

@@ -171,8 +171,6 @@ pub struct KnownPlace {
 pub struct Hypothesis {
     /// The effects, wrong readings left out; none: the model that the search began with.
     pub effects: Vec<Place>,
-    /// Probability among the explanations that were weighed; null for what was not among them.
-    pub probability: Option<f64>,
     /// What this is.
     pub kind: HypothesisKind,
     /// Estimates of all parameters, in the order of `fit.values`.
