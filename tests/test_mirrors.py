@@ -85,7 +85,8 @@ terms = []
 """
 
 
-def test_a_bar_to_an_arm_in_a_plane_leaves_the_post_above_and_below(tmp_path: Path) -> None:
+def barred() -> dict[str, Array]:
+    """Readings of the arm in its plane, and of the bar to a post 170 mm above it."""
     rng = np.random.default_rng(5)
     q = rng.uniform([-1, 0.3], [1, 2.0], (30, 2))
     ball = np.column_stack(
@@ -96,10 +97,22 @@ def test_a_bar_to_an_arm_in_a_plane_leaves_the_post_above_and_below(tmp_path: Pa
         ]
     )
     bar = np.linalg.norm(ball - [680.0, 160.0, 170.0], axis=1) + rng.normal(0, 0.02, 30)
+    return {"pose": np.arange(1, 31), "q1": q[:, 0], "q2": q[:, 1], "bar": bar}
+
+
+def test_a_bar_to_an_arm_in_a_plane_leaves_the_post_above_and_below(tmp_path: Path) -> None:
     (tmp_path / "bar.toml").write_text(BALL_BAR)
-    rows = {"pose": np.arange(1, 31), "q1": q[:, 0], "q2": q[:, 1], "bar": bar}
-    found = rsicalib.calibrate(rows, tmp_path / "bar.toml")
+    found = rsicalib.calibrate(barred(), tmp_path / "bar.toml")
     (warning,) = [w for w in found.warnings if w.kind == "mirrored"]
     assert warning.target == "post" and "lie on one plane" in warning.text
     height = next(p for p in found.parameters if p.target == "post" and p.name == "z").value
     assert height == pytest.approx(170.0, abs=1.0), "the one on the side of `at`"
+
+
+def test_where_nothing_is_drawn_neither_solution_is_the_nearer_one(tmp_path: Path) -> None:
+    (tmp_path / "bar.toml").write_text(BALL_BAR.replace(", at = [700.0, 150.0, 150.0]", ""))
+    found = rsicalib.calibrate(barred(), tmp_path / "bar.toml")
+    (warning,) = [w for w in found.warnings if w.kind == "mirrored"]
+    assert "Nothing says which is right: give `at`" in warning.text
+    height = next(p for p in found.parameters if p.target == "post" and p.name == "z").value
+    assert abs(height) == pytest.approx(170.0, abs=1.0)

@@ -258,3 +258,19 @@ def test_a_formula_that_is_told_is_pasted_and_takes_the_error_away() -> None:
             assert own.sd == pytest.approx(parameter["sd"], rel=0.1)
     assert told >= 3
     assert better >= told - 1
+
+
+def test_a_law_that_is_likelier_than_chance_is_said_and_weighed() -> None:
+    """No more is left than noise, and a law of one channel is a part of it."""
+    case, _, _ = outside.outside("ballbar", 8, 5501)
+    mechanism = Mechanism.from_toml(case.text)
+    found = trace(families.readings_of(mechanism, case.session), mechanism)
+    assert found.verdict == "unexplained"
+    assert [reason.kind for reason in found.reasons] == ["unknown_law"]
+    assert "a law that no term has, at q3, is likelier than chance" in " ".join(
+        found.summary().split()
+    )
+    (law,) = found.rivals[0].terms
+    assert (law.term, law.target) == (outside.LAW, "q3") == (law.term, case.effects[0].target)
+    assert sum(rival.probability for rival in found.rivals) == pytest.approx(1.0)
+    assert "no effect, but noise or wrong readings" in found.report()

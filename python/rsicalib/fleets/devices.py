@@ -179,7 +179,7 @@ def one_device(
         return {n: cells for n, cells in select(rows, runs[label]).items() if n != by}
 
     poses, at_rest = _rest_rows(frame, by)
-    resting = own(at_rest) or own(rest)
+    resting = own(rest) or own(at_rest)  # as `devices_of` has them
     if resting is not None:
         resting = {name: cells for name, cells in resting.items() if name != "pose"}
     return own(poses) or {}, resting

@@ -244,7 +244,9 @@ def fleet(
     said = sentences(first, found)
     spread = spreads(table)
     out_of = remarks(table, by, spread)
-    wanted = list(dict.fromkeys(remark.device for remark in out_of))[:reports]
+    usable = {name for name, verdict in zip(table[by], table["verdict"], strict=True) if verdict}
+    standing = dict.fromkeys(remark.device for remark in out_of if remark.device in usable)
+    wanted = list(standing)[:reports]
 
     def reported(number: int) -> None:
         if progress is not None:

@@ -49,7 +49,7 @@ pub(crate) fn delays(
     let mut alone = clean.clone();
     (alone.noise.correlation, alone.noise.inflation, alone.noise.slow) = (0.0, 1.0, 1.0);
     let others = terms::all(&observations.mechanism).into_iter();
-    let others = others.filter(|term| !term.of_any_size()).map(|term| term.info().id.to_owned());
+    let others = others.filter(|term| !term.is_delay()).map(|term| term.info().id.to_owned());
     let without = others.chain(options.without.iter().cloned()).collect();
     let mut found = search(&alone, &SearchOptions { without, ..options.clone() })?.found;
 
@@ -96,6 +96,11 @@ fn changes(observations: &Observations, fit: &Fit, noise_of: &Fit) -> f64 {
     };
     let rows: Vec<usize> = (1..readings.samples).filter(follows).collect();
     let of = |equation: usize| {
+        // Where a pose has unknown places, equations are none of one closure.
+        let closure = fit.model.closure_at(equation).filter(|_| fit.model.pose_unknowns() == 0);
+        let holds = |row: usize| closure.is_none_or(|c| readings.holding.holds(row, c));
+        let rows: Vec<usize> =
+            rows.iter().copied().filter(|&row| holds(row) && holds(row - 1)).collect();
         let r = |row: usize| residuals.whitened[row * k + equation];
         let square: f64 = rows.iter().map(|&row| r(row - 1).powi(2)).sum();
         if square <= 0.0 {

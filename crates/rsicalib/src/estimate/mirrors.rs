@@ -45,7 +45,10 @@ fn nearer(observations: &Observations, fit_here: Fit, number: usize, other: Vec<
         let off = place(&fit_here, number, beta).into_iter().zip(drawn(&fit_here, number));
         off.map(|(a, b)| (a - b).powi(2)).sum::<f64>()
     };
-    let moves = far(&other) < far(&fit_here.beta);
+    let Thing::Point(point) = fit_here.model.unknowns[number].thing else { return fit_here };
+    // Without a drawing neither is nearer to it.
+    let is_drawn = fit_here.model.mechanism.points[point].at.is_some();
+    let moves = is_drawn && far(&other) < far(&fit_here.beta);
     let from = || Fit { beta: other.clone(), adjusted: None, ..fit_here.clone() };
     let there = moves.then(|| fit(observations, fit_here.model.instances.clone(), Some(&from())));
     let (mut kept, image) = match there {
@@ -59,7 +62,6 @@ fn nearer(observations: &Observations, fit_here: Fit, number: usize, other: Vec<
         }
     };
     let at = place(&kept, number, &kept.beta);
-    let Thing::Point(point) = kept.model.unknowns[number].thing else { return kept };
     let name = kept.model.unknowns[number].name.clone();
     let same = |w: &Suspicion| matches!(w, Suspicion::Mirrored { name: own, .. } if *own == name);
     kept.warnings.retain(|warning| !same(warning));

@@ -114,7 +114,7 @@ impl Model {
         instances: Vec<Instance>,
         centre: &[f64],
     ) -> Result<Self, Error> {
-        let mut model = Self::compile_checked(mechanism, readings, instances, centre)?;
+        let mut model = Self::compile_checked(mechanism, readings, instances, centre, mechanism)?;
         model.leave_out_equations(Some(earlier), readings);
         Ok(model)
     }
@@ -153,11 +153,10 @@ impl Model {
         readings: &Readings,
     ) -> Result<Self, Error> {
         let centre: Vec<f64> = self.scales.iter().map(|s| s.centre).collect();
-        let mut model = Self::compile(mechanism, readings, self.instances.clone(), &centre)?;
+        let instances = self.instances.clone();
+        let mut model =
+            Self::compile_held(mechanism, readings, instances, &centre, &self.mechanism)?;
         model.scales.clone_from(&self.scales);
-        if model.drives.is_some() {
-            model.drives = Self::drives(mechanism, readings, &self.mechanism)?;
-        }
         // Tilts count from the same axes.
         for (number, unknown) in model.unknowns.iter().enumerate() {
             let same = |u: &Unknown| u.thing == unknown.thing && u.keys == unknown.keys;
@@ -190,10 +189,21 @@ impl Model {
         instances: Vec<Instance>,
         centre: &[f64],
     ) -> Result<Self, Error> {
+        Self::compile_held(mechanism, readings, instances, centre, mechanism)
+    }
+
+    /// As [`Model::compile`], where closures beyond those of `held_by` bear no weight.
+    fn compile_held(
+        mechanism: &Mechanism,
+        readings: &Readings,
+        instances: Vec<Instance>,
+        centre: &[f64],
+        held_by: &Mechanism,
+    ) -> Result<Self, Error> {
         mechanism.validate()?;
         check_names(mechanism)?;
         fits(mechanism, readings, centre)?;
-        Self::compile_checked(mechanism, readings, instances, centre)
+        Self::compile_checked(mechanism, readings, instances, centre, held_by)
     }
 
     fn compile_checked(
@@ -201,6 +211,7 @@ impl Model {
         readings: &Readings,
         instances: Vec<Instance>,
         centre: &[f64],
+        held_by: &Mechanism,
     ) -> Result<Self, Error> {
         let mut first = Vec::with_capacity(instances.len());
         let mut term_parameters = 0;
@@ -264,7 +275,7 @@ impl Model {
         model.find_patches(readings);
         let hangs = |law: &LawAt| law.term.has(Variable::Torque);
         if !model.loads.is_empty() || model.laws.iter().any(hangs) {
-            model.drives = Self::drives(mechanism, readings, mechanism)?;
+            model.drives = Self::drives(mechanism, readings, held_by)?;
         }
         model.told_torques()?;
         model.torques = model.largest_torques(readings);

@@ -279,6 +279,14 @@ impl Model {
         self.equations = equation;
     }
 
+    /// The closure of the mechanism that an equation is of.
+    #[must_use]
+    pub(crate) fn closure_at(&self, equation: usize) -> Option<usize> {
+        let own =
+            |c: &&CompiledClosure| (c.equation..c.equation + c.equations()).contains(&equation);
+        self.closures.iter().find(own).map(|c| c.number)
+    }
+
     /// Scalar equations that one closure of the mechanism gives one sample.
     #[must_use]
     pub fn equations_of(&self, closure: usize) -> usize {

@@ -47,9 +47,9 @@ impl Model {
         let mut untold = [(); 2].map(|()| vec![false; self.scales.len()]);
         let blocks = (0..readings.blocks().len()).map(|block| {
             self.evaluate(readings, block, readings.raw(block), &beta, want, &mut ws);
-            let closed = self.inner_equations(closures);
+            let motions = self.motions(&ws, closures, readings.blocks()[block].live);
             [Weight::Tip, Weight::Links].map(|whose| {
-                self.felt(&ws, &closed, whose, (block, readings), &mut untold[whose as usize])
+                self.felt(&ws, &motions, whose, (block, readings), &mut untold[whose as usize])
             })
         });
         let torques = blocks.collect();
@@ -77,17 +77,30 @@ impl Model {
         blocks.collect()
     }
 
+    /// The motions that closures of these names allow in each sample that was evaluated, where there are
+    /// such.
+    fn motions(&self, ws: &Workspace, closures: &[&str], live: usize) -> Vec<Option<DMatrix<f64>>> {
+        let (closed, slopes) = (self.inner_equations(closures), self.slopes(ws));
+        let joints = slopes.len();
+        let of_lane = |lane: usize| {
+            let slope =
+                |k: usize, c: usize| ws.a[closed[k] * joints + c].0[lane] / slopes[c].0[lane];
+            let loops = DMatrix::from_fn(closed.len(), joints, slope);
+            allowed(&loops).filter(|motions| motions.ncols() > 0)
+        };
+        (0..live).map(of_lane).collect()
+    }
+
     /// Eqs. (46) and (155) in the samples that were evaluated; marks drives in `untold`.
     fn felt(
         &self,
         ws: &Workspace,
-        closed: &[usize],
+        motions: &[Option<DMatrix<f64>>],
         whose: Weight,
         block: (usize, &Readings),
         untold: &mut [bool],
     ) -> Vec<Lanes> {
         let pulls = self.pulls(&ws.postures, whose);
-        let slopes = self.slopes(ws);
         let channels = &self.mechanism.channels;
         let measured = measured(&self.mechanism, whose, block);
         let told = |c: &usize| measured[*c].is_some();
@@ -95,13 +108,8 @@ impl Model {
             (0..pulls.len()).filter(|&c| !channels[c].passive).partition(told);
         let shares: Vec<f64> = drives.iter().map(|&c| channels[c].share.unwrap_or(1.0)).collect();
         let mut felt = vec![Lanes::ZERO; pulls.len()];
-        for lane in 0..block.1.blocks()[block.0].live {
-            let slope =
-                |k: usize, c: usize| ws.a[closed[k] * pulls.len() + c].0[lane] / slopes[c].0[lane];
-            let loops = DMatrix::from_fn(closed.len(), pulls.len(), slope);
-            let Some(motions) = allowed(&loops).filter(|motions| motions.ncols() > 0) else {
-                continue;
-            };
+        for (lane, motions) in motions.iter().enumerate() {
+            let Some(motions) = motions else { continue };
             let mut work = DVector::zeros(motions.ncols());
             for (c, pull) in pulls.iter().enumerate() {
                 work += motions.row(c).transpose() * pull.0[lane];

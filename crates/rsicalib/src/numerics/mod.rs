@@ -11,6 +11,7 @@ pub mod formula;
 pub mod lanes;
 pub mod linearization;
 pub mod lm;
+pub mod median;
 pub(crate) mod normal_equations;
 pub(crate) mod normals;
 #[cfg(feature = "serde")]

@@ -14,6 +14,7 @@
 use std::sync::OnceLock;
 
 use crate::numerics::lanes::{Lanes, WIDTH};
+use crate::numerics::median::median;
 use crate::readings::table::Table;
 
 /// Rows to either side of a parabola at the most.
@@ -207,14 +208,6 @@ fn runs(table: &Table) -> Vec<[u32; 2]> {
         }
     }
     all
-}
-
-fn median(mut steps: Vec<f64>) -> f64 {
-    let middle = steps.len() / 2;
-    match steps.is_empty() {
-        true => 0.0,
-        false => *steps.select_nth_unstable_by(middle, f64::total_cmp).1,
-    }
 }
 
 #[cfg(test)]

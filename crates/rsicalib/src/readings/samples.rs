@@ -310,10 +310,12 @@ impl Readings {
     }
 
     /// The same readings less known errors of one channel, sample by sample. What a sample needs from
-    /// others stays as it was read.
+    /// others, directions, velocities and its course, stays as it was read.
     #[must_use]
-    pub fn less(&self, channel: usize, errors: &[f64]) -> Self {
-        let mut less = self.clone();
+    pub fn less(self: &Arc<Self>, channel: usize, errors: &[f64]) -> Self {
+        self.motion();
+        let mut less = Self::clone(self);
+        less.whole.get_or_insert_with(|| (self.clone(), (0..self.samples).collect()));
         let own = less.table.values.iter_mut().skip(channel).step_by(self.channels);
         own.zip(errors).for_each(|(value, error)| *value -= error);
         for (k, block) in self.blocks.iter().enumerate() {

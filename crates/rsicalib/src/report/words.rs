@@ -220,10 +220,19 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 [_, _] => "lie on one line".into(),
                 _ => "lie on one plane".into(),
             };
+            let which = match mechanism.points[*point].at {
+                Some(_) => {
+                    "The one nearer to `at` of the mechanism is given; check that it is the right \
+                     one, or record a place elsewhere"
+                }
+                None => {
+                    "Nothing says which is right: give `at` in the mechanism, or record a place \
+                     elsewhere"
+                }
+            };
             format!(
                 "{name} at ({there}) {unit} fits as well as at ({here}): all places from which its \
-                 distance is read {alike}. The one nearer to `at` of the mechanism is given; check \
-                 that it is the right one, or record a place elsewhere"
+                 distance is read {alike}. {which}"
             )
         }
         Suspicion::Degrees { channels, of } => {

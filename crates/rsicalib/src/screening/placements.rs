@@ -20,6 +20,7 @@ use crate::estimate::at_fit::AtFit;
 use crate::estimate::on_closures::means;
 use crate::estimate::{Fit, FitOptions, Noise, Observations};
 use crate::mechanism::Target;
+use crate::numerics::median::median;
 use crate::numerics::{distributions, symmetric};
 use crate::screening::excluded::{Cause, Excluded};
 use crate::screening::steps::{SIDE, StepScore, StepSums};
@@ -367,10 +368,4 @@ impl<'a> Looking<'a> {
         let same = |r: &usize| keys.iter().all(|key| key[*r] == key[row]);
         (0..row).filter(same).count()
     }
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    if n == 0 { f64::NAN } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
 }

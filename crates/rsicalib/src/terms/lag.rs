@@ -25,10 +25,6 @@ impl Term for Lag {
         Acts::Electronics(&Self)
     }
 
-    fn of_any_size(&self) -> bool {
-        true
-    }
-
     /// A leader that is early is a follower that is late: it is said of the follower.
     fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
         let own = &mechanism.channels[channel].name;

@@ -378,11 +378,6 @@ pub trait Term: Sync {
         true
     }
 
-    /// True where no size is out of all proportion: a message takes as long as it takes.
-    fn of_any_size(&self) -> bool {
-        false
-    }
-
     /// Targets that share it beside those that are drawn alike.
     fn shared_by(&self, _mechanism: &Mechanism) -> Vec<Target> {
         Vec::new()
@@ -472,6 +467,12 @@ pub enum Over {
 }
 
 impl dyn Term + '_ {
+    /// True for a delay, of which no size is out of all proportion: a message takes as long as it takes.
+    #[must_use]
+    pub fn is_delay(&self) -> bool {
+        matches!(self.acts(), Acts::Electronics(term) if term.is_delay())
+    }
+
     /// True for what a weight does.
     #[must_use]
     pub fn is_load(&self) -> bool {
