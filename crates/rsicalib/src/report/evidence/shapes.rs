@@ -35,7 +35,8 @@ pub struct Evidence {
     pub weakest: Option<Weakest>,
     /// The fits with and without each suspect; null where nothing is suspected.
     pub switchboard: Option<Switchboard>,
-    /// What could be the matter, nothing first, each fitted: empty where nothing is.
+    /// What a session may be explained by, nothing first, each fitted; empty where nothing is to be
+    /// explained.
     pub hypotheses: Vec<Hypothesis>,
 }
 
