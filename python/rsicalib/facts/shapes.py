@@ -1129,7 +1129,8 @@ class Evidence(Record):
     switchboard: Switchboard | None
     """The fits with and without each suspect; null where nothing is suspected."""
     hypotheses: tuple[Hypothesis, ...]
-    """What could be the matter, nothing first, each fitted: empty where nothing is."""
+    """What a session may be explained by, nothing first, each fitted; empty where nothing is to be
+    explained."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
