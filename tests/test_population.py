@@ -229,7 +229,7 @@ def test_unknown_things_have_a_spread_and_no_shift() -> None:
     assert found["bend@arm1"]["between_interval"] is None
     rows |= {"device": list(range(12)), "verdict": ["adequate"] * 12, "steps": ["[]"] * 12}
     rows["message"] = [""] * 12
-    html = page(rows, "device", own, shifts=list(found.values()))
+    html = page(rows, "device", own, [], [], shifts=list(found.values()))
     assert "How much devices differ" in html and "less than their errors" in html
 
 

@@ -20,6 +20,12 @@ pub fn listed(texts: &[String]) -> String {
     texts.iter().map(|text| quoted(text)).collect::<Vec<_>>().join(", ")
 }
 
+/// A text without controls, as a basic string of TOML.
+#[must_use]
+pub fn in_toml(text: &str) -> String {
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
 /// A character in quotation marks.
 #[must_use]
 pub fn character(one: char) -> String {

@@ -25,7 +25,7 @@ use crate::readings::Readings;
 use crate::screening::blame::Blame;
 use crate::screening::excluded::Cause;
 use crate::screening::fault::FaultKind;
-use crate::text::{significant, word};
+use crate::text::{in_toml, significant, word};
 
 /// Where the noise is from.
 #[must_use]
@@ -728,12 +728,12 @@ pub fn as_term(law: &Law) -> String {
     let sizes: Vec<String> =
         law.parameters.iter().map(|(name, size)| format!("{name} = {size:e}")).collect();
     format!(
-        "[[term]]\nid = {:?}\nclass = {:?}\nper = {:?}\nparameters = {{ {} }}\ncorrection = {:?}\n",
-        law.id,
-        word(&law.class),
-        word(&law.per),
+        "[[term]]\nid = {}\nclass = {}\nper = {}\nparameters = {{ {} }}\ncorrection = {}\n",
+        in_toml(&law.id),
+        in_toml(&word(&law.class)),
+        in_toml(&word(&law.per)),
         sizes.join(", "),
-        law.correction.as_deref().unwrap_or_default()
+        in_toml(law.correction.as_deref().unwrap_or_default())
     )
 }
 
