@@ -12,6 +12,7 @@
 //! of it, and for nothing else. Where a closure makes two coordinates equal, what is linear in either is a
 //! gain, which shrinks that closure to nothing beside the gain of the other: laws are orthogonal to it.
 
+use faer::{ColRef, Mat, MatRef};
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::price::{Data, mean};
@@ -120,31 +121,16 @@ impl Errors {
     /// `M` and `u` of (71) for the columns of a basis.
     pub(super) fn normal(&self, basis: &Basis) -> (DMatrix<f64>, DVector<f64>) {
         let m = basis.degrees.len();
-        let mut square = DMatrix::<f64>::zeros(m, m);
-        let mut gradient = DVector::<f64>::zeros(m);
+        let values = MatRef::from_row_major_slice(&basis.values, self.square.len(), m);
         let rank = self.absorbed.first().map_or(0, Vec::len);
-        let mut taken = DMatrix::<f64>::zeros(rank, m);
-        for (p, values) in basis.values.chunks_exact(m).enumerate() {
-            for j in 0..m {
-                gradient[j] += values[j] * self.gradient[p];
-                let weight = values[j] * self.square[p];
-                for i in 0..=j {
-                    square[(i, j)] += weight * values[i];
-                }
-                add_scaled(
-                    &mut taken.as_mut_slice()[j * rank..][..rank],
-                    values[j],
-                    &self.absorbed[p],
-                );
-            }
-        }
-        for j in 0..m {
-            for i in 0..=j {
-                square[(i, j)] -= taken.column(i).dot(&taken.column(j));
-                square[(j, i)] = square[(i, j)];
-            }
-        }
-        (square, gradient)
+        let weighted = Mat::from_fn(values.nrows(), m, |p, j| self.square[p] * values[(p, j)]);
+        let absorbed = Mat::from_fn(rank, values.nrows(), |i, p| self.absorbed[p][i]);
+        let taken = absorbed * values;
+        let square = values.transpose() * weighted - taken.transpose() * &taken;
+        let gradient = values.transpose() * ColRef::from_slice(&self.gradient);
+        // Both halves are the same to the bit.
+        let square = DMatrix::from_fn(m, m, |i, j| square[(i.min(j), i.max(j))]);
+        (square, DVector::from_fn(m, |j, _| gradient[j]))
     }
 }
 

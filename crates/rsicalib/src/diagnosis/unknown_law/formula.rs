@@ -302,10 +302,28 @@ fn sums(
     all
 }
 
-/// `uᵀ M⁻¹ u` of some columns; none where they are alike.
+/// `uᵀ M⁻¹ u` of up to [`MOST`] columns; none where they are alike.
 fn fall(of: &[usize], square: &DMatrix<f64>, gradient: &DVector<f64>) -> Option<f64> {
-    let (estimate, _) = solved(of, square, gradient)?;
-    Some(of.iter().zip(estimate.iter()).map(|(&j, c)| c * gradient[j]).sum())
+    // Cholesky's factor in units of each column, with the right-hand side below. Nothing is
+    // allocated: it is done for each pair.
+    let (mut l, mut long) = ([[0.0_f64; MOST + 1]; MOST], [0.0_f64; MOST]);
+    let mut fall = 0.0;
+    for (k, &j) in of.iter().enumerate() {
+        long[k] = square[(j, j)].sqrt();
+        let taken: [f64; MOST + 1] =
+            std::array::from_fn(|other| (0..k).map(|c| l[c][other] * l[c][k]).sum());
+        let pivot = 1.0 - taken[k];
+        if pivot.is_nan() || pivot < SMALL {
+            return None;
+        }
+        for (other, &i) in of.iter().enumerate().skip(k + 1) {
+            let unit = square[(j.min(i), j.max(i))] / (long[k] * square[(i, i)].sqrt());
+            l[k][other] = (unit - taken[other]) / pivot.sqrt();
+        }
+        l[k][MOST] = (gradient[j] / long[k] - taken[MOST]) / pivot.sqrt();
+        fall += l[k][MOST].powi(2);
+    }
+    Some(fall)
 }
 
 /// `M⁻¹ u` and `M⁻¹` of some columns; none where they are alike.
@@ -334,4 +352,27 @@ fn solved(
 /// In how many ways `k` of `n` can be chosen.
 fn choices(n: usize, k: usize) -> f64 {
     (0..k).map(|i| (n - i) as f64 / (i + 1) as f64).product::<f64>().max(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector};
+
+    use super::{fall, solved};
+
+    #[test]
+    fn a_fall_is_that_of_the_inverse() {
+        let z = DMatrix::from_fn(9, 4, |i, j| ((i * i + 3 * i * j + j) as f64).sin());
+        let (square, gradient) =
+            (z.transpose() * &z, DVector::from_fn(4, |j, _| (j as f64 + 0.3).cos()));
+        for of in [&[2][..], &[3, 1], &[0, 2, 3]] {
+            let (own, inverse) = solved(of, &square, &gradient).unwrap();
+            let u = DVector::from_fn(of.len(), |k, _| gradient[of[k]]);
+            let expected = (u.transpose() * &inverse * &u)[(0, 0)];
+            assert!((own.dot(&u) - expected).abs() < 1e-12 * expected);
+            assert!((fall(of, &square, &gradient).unwrap() - expected).abs() < 1e-12 * expected);
+        }
+        let same = DMatrix::from_fn(9, 2, |i, j| ((i * i) as f64).sin() * (j + 1) as f64);
+        assert!(fall(&[0, 1], &(same.transpose() * &same), &gradient).is_none());
+    }
 }
