@@ -70,7 +70,8 @@ def test_a_result_without_a_digest_is_taken_whatever_its_terms_need(
         mechanism = rsicalib.load_mechanism("rsi")
         seconds = np.arange(len(readings)) / 10.0
         readings = rsicalib.Readings.from_arrays(mechanism, readings.values, time_s=seconds)
-    found = rsicalib.calibrate(readings, rest=made.rest, terms=[term], noise=1.0)
+    terms = ["offset", "gain", term]
+    found = rsicalib.calibrate(readings, rest=made.rest, terms=terms, noise=1.0)
     bare = {key: value for key, value in found.to_dict().items() if key != "digest"}
     path = tmp_path / "result.json"
     path.write_text(json.dumps(bare), encoding="utf-8")

@@ -56,7 +56,7 @@ def test_unlike_closures_keep_their_own() -> None:
     assert dict(found.noise.closures) == {names[0]: 0.001, names[1]: 0.002}
 
 
-@pytest.mark.parametrize("play", [PLAY, None])
+@pytest.mark.parametrize("play", sized([None], [PLAY, None]))
 def test_a_later_clean_session_of_seatings_has_no_change(play: float | None) -> None:
     """Was: a link 265 mm longer.
 
