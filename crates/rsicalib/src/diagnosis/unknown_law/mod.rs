@@ -119,8 +119,6 @@ struct Scan {
     likeliest: Likeliest,
     /// By how much χ² falls with it.
     fall: f64,
-    /// The likeliest formula.
-    written: Option<Written>,
 }
 
 /// A fit beside which laws are weighed.
@@ -192,18 +190,22 @@ impl Averaged<'_> {
             let Some(scan) = scan else { continue };
             if best.as_ref().is_none_or(|b| scan.price < b.price) {
                 let on = depends_on(&self.small, &scan, &variables);
+                let behind = scan.price - of_found;
+                // What is far less likely than what was found is not said.
+                let formula = || formula_of(&beside[0], &rows, &scan, &variables, &self.data);
+                let written = (behind <= RIVAL).then(formula).flatten();
                 let mut errors = vec![0.0; weights.len()];
                 rows.iter().zip(&scan.likeliest.errors).for_each(|(&row, e)| errors[row] = *e);
                 best = Some(UnknownLaw {
                     target: Target::Channel(scan.channel),
                     replaces: instances(&gone),
                     price: scan.price,
-                    behind: scan.price - of_found,
+                    behind,
                     size: scan.likeliest.size()
                         * self.small.mechanism.channels[scan.channel].gain.abs(),
                     told: scan.likeliest.told,
                     left: beside[0].chi2 - scan.fall,
-                    written: scan.written,
+                    written,
                     errors,
                     variables: on.iter().map(|one| one.0).collect(),
                     depends_on: on.into_iter().map(|one| one.1).collect(),
@@ -263,13 +265,12 @@ fn likeliest(
         let of: Vec<&Variable> = set.iter().map(|&v| &variables[v]).collect();
         let likeliest = errors[0].likeliest(&of, best)?;
         let fall = best.fall;
-        Some(Scan { channel, sets, price, likeliest, fall, written: None })
+        Some(Scan { channel, sets, price, likeliest, fall })
     });
     let scans: Vec<Scan> = scans.into_iter().flatten().collect();
     let places = scans.len() as f64 / prior(Family::Free);
     let best = scans.into_iter().min_by(|a, b| a.price.total_cmp(&b.price))?;
-    let written = formula_of(&beside[0], rows, &best, variables, data);
-    Some(Scan { price: best.price + 2.0 * places.ln(), written, ..best })
+    Some(Scan { price: best.price + 2.0 * places.ln(), ..best })
 }
 
 /// The likeliest formula of a channel, over the sets of variables that these data cannot tell apart.

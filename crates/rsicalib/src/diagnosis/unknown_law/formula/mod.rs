@@ -1,0 +1,252 @@
+//! Which law: a formula that does as well as a smooth function, by (156).
+//!
+//! Formulas are sums of few products of a factor of each variable: powers from a place, waves of an angle,
+//! steps and bends at a place, decays of time. The columns `Z` of a sum follow from (71), so that none is
+//! refitted: with `T = uᵀ M⁻¹ u` for its `K` columns, among `N_K` such sums of a few places and whole orders
+//!
+//! ```text
+//! price = data(χ² - T) - data(χ²) + charge(K + R, T) + 2 ln N_K + 2 ln 3           (156)
+//! ```
+//!
+//! beside the price (115) of the smooth function. Then `R` of the places, orders, phases and lengths inside
+//! the cheapest sums are moved, each for the price of a parameter. What it finds is a [`Law`], as users write
+//! them.
+
+mod refined;
+mod shapes;
+mod sums;
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::diagnosis::price::{Data, charge};
+use crate::diagnosis::unknown_law::evidence::{Basis, Errors};
+use crate::diagnosis::unknown_law::formula::refined::refine;
+use crate::diagnosis::unknown_law::formula::shapes::{Kind, Named, Product, Span, products};
+use crate::diagnosis::unknown_law::formula::sums::{MOST, SMALL, Sum, choices, fall, solved, sums};
+use crate::diagnosis::unknown_law::variables::Quantity;
+use crate::estimate::at_fit::AtFit;
+use crate::mechanism::{Class, Law, Mechanism, Per};
+use crate::model::{Model, Want, Workspace};
+use crate::numerics::lanes::Lanes;
+
+/// Id of what is found, with a number where the mechanism has such a law already.
+const FOUND: &str = "found_law";
+
+/// A law with what these data tell of its parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Written {
+    /// The law, its parameters as typical sizes.
+    pub law: Law,
+    /// Estimates and their standard deviations, in the order of the law's parameters.
+    pub values: Vec<[f64; 2]>,
+    /// Its price, (156).
+    pub price: f64,
+    /// Its probability among all formulas and the smooth function.
+    pub probability: f64,
+}
+
+/// The formula that explains the errors of a channel best, over some variables; none where formulas do
+/// not know these, or where no product shows. `smooth` is the price (115) of a smooth function of them.
+pub(super) fn written(
+    at: &AtFit,
+    rows: &[usize],
+    channel: usize,
+    quantities: &[Quantity],
+    errors: &Errors,
+    (data, chi2, smooth): (&Data, f64, f64),
+) -> Option<Written> {
+    let mechanism = &at.observations.mechanism;
+    let named: Option<Vec<Named>> =
+        quantities.iter().map(|quantity| name(at, rows, channel, *quantity)).collect();
+    let named = named?;
+    let products = products(&named);
+    let columns = Columns { named: &named, errors, gain: mechanism.channels[channel].gain };
+    let (square, gradient, shows) = columns.of(&products);
+    let less = |fall: f64| data.of((chi2 - fall).max(0.0)) - data.of(chi2);
+    let price = |fall: f64, width: usize, moved: usize| {
+        less(fall)
+            + charge((width + moved) as f64, fall)
+            + 2.0 * choices(shows.len(), width).ln()
+            + 2.0 * (MOST as f64).ln()
+    };
+    let sums = sums(&shows, &square, &gradient);
+    let spans: Vec<Span> = named.iter().map(Named::span).collect();
+    let refined = unlike(&sums, &products).into_iter().map(|sum| {
+        let own: Vec<Product> = sum.of.iter().map(|&j| products[j].clone()).collect();
+        refine(own, &spans, sum.fall, &|of| columns.fall(of), &|fall, moved| {
+            price(fall, sum.of.len(), moved)
+        })
+    });
+    let best = refined.min_by(|a, b| a.price.total_cmp(&b.price))?;
+    let weight = |price: f64| (-0.5 * (price - best.price)).exp();
+    let most = sums.iter().map(|sum| sum.fall).fold(0.0, f64::max);
+    // Nearly all sums are far less likely: they are not priced.
+    let counts: Vec<f64> =
+        (0..=MOST).map(|width| least(most, &|fall| price(fall, width, 0) - best.price)).collect();
+    let counted = sums.iter().filter(|sum| sum.fall >= counts[sum.of.len()]);
+    let of_sums = counted.map(|sum| weight(price(sum.fall, sum.of.len(), 0)));
+    let own = if best.moved == 0 { 0.0 } else { 1.0 };
+    let all = of_sums.sum::<f64>() + weight(smooth) + own;
+    let (square, gradient, _) = columns.of(&best.products);
+    let which: Vec<usize> = (0..best.products.len()).collect();
+    let (estimate, inverse) = solved(&which, &square, &gradient)?;
+    // A law corrects what the errors are.
+    let values: Vec<[f64; 2]> =
+        which.iter().map(|&k| [-estimate[k], inverse[(k, k)].max(0.0).sqrt()]).collect();
+    let texts: Vec<String> = best.products.iter().map(|one| one.text(&named)).collect();
+    let law = law(free_id(mechanism), &texts, &values);
+    law.formula().ok()?;
+    Some(Written { law, values, price: best.price, probability: 1.0 / all })
+}
+
+/// Sums of each width whose numbers are moved, the best first: a limit of time.
+const MOVED: usize = 10;
+
+/// The best sums of each width, of which no two have the same shapes.
+fn unlike<'a>(sums: &'a [Sum], products: &[Product]) -> Vec<&'a Sum> {
+    let mut best: BTreeMap<Vec<Vec<Kind>>, &Sum> = BTreeMap::new();
+    for sum in sums {
+        let mut kinds: Vec<Vec<Kind>> = sum.of.iter().map(|&j| products[j].kinds()).collect();
+        kinds.sort();
+        let own = best.entry(kinds).or_insert(sum);
+        if sum.fall > own.fall {
+            *own = sum;
+        }
+    }
+    let mut best: Vec<&Sum> = best.into_values().collect();
+    best.sort_by(|a, b| b.fall.total_cmp(&a.fall));
+    let of =
+        |width: usize| best.iter().copied().filter(move |sum| sum.of.len() == width).take(MOVED);
+    (1..=MOST).flat_map(of).collect()
+}
+
+/// Prices beyond the least by which a sum is of no account: one in 10⁹.
+const NO_ACCOUNT: f64 = 40.0;
+
+/// The fall of χ², up to `most`, from which on a sum counts that costs `behind` more than the cheapest.
+fn least(most: f64, behind: &dyn Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (0.0, most);
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if behind(middle) > NO_ACCOUNT { low = middle } else { high = middle }
+    }
+    low
+}
+
+/// Products as columns of a fit, in the unit of readings.
+struct Columns<'a> {
+    named: &'a [Named],
+    errors: &'a Errors,
+    gain: f64,
+}
+
+impl Columns<'_> {
+    /// `M`, `u` and the columns that show beside what is fitted.
+    fn of(&self, products: &[Product]) -> (DMatrix<f64>, DVector<f64>, Vec<usize>) {
+        let m = products.len();
+        let each: Vec<Vec<f64>> = products.iter().map(|one| one.values(self.named)).collect();
+        let samples = self.errors.square.len();
+        let values = (0..samples).flat_map(|p| each.iter().map(move |of| of[p] / self.gain));
+        let basis = Basis { degrees: vec![1.0; m], values: values.collect() };
+        let (square, gradient) = self.errors.normal(&basis);
+        // `Σ a²`, before what is fitted takes its part.
+        let plain = |of: &[f64]| -> f64 {
+            let each = of.iter().zip(&self.errors.square);
+            each.map(|(v, square)| (v / self.gain).powi(2) * square).sum()
+        };
+        let shows = |j: &usize| {
+            let plain = plain(&each[*j]);
+            plain > 0.0 && square[(*j, *j)] > SMALL * plain
+        };
+        let shows = (0..m).filter(shows).collect();
+        (square, gradient, shows)
+    }
+
+    /// By how much χ² falls with a sum of these; none where they do not show, or are alike.
+    fn fall(&self, products: &[Product]) -> Option<f64> {
+        let (square, gradient, shows) = self.of(products);
+        (shows.len() == products.len()).then(|| fall(&shows, &square, &gradient))?
+    }
+}
+
+/// An id that no law of a mechanism has.
+fn free_id(mechanism: &Mechanism) -> String {
+    let taken = |id: &String| mechanism.laws.iter().any(|law| law.id == *id);
+    let numbered = (2..).map(|k| format!("{FOUND}_{k}"));
+    std::iter::once(FOUND.to_owned()).chain(numbered).find(|id| !taken(id)).unwrap_or_default()
+}
+
+/// The law of a sum.
+fn law(id: String, products: &[String], values: &[[f64; 2]]) -> Law {
+    let names: Vec<String> = (1..=products.len()).map(|k| format!("c{k}")).collect();
+    let products = names.iter().zip(products).map(|(c, product)| format!("{c}*{product}"));
+    let sizes = names.iter().zip(values).map(|(c, value)| (c.clone(), value[0].abs()));
+    Law {
+        id,
+        class: Class::Sensor,
+        per: Per::Channel,
+        parameters: sizes.collect::<BTreeMap<String, f64>>(),
+        correction: Some(products.collect::<Vec<_>>().join(" + ")),
+        moves: None,
+        amount: None,
+        doc: String::new(),
+    }
+}
+
+/// A quantity by the name that formulas of a channel have for it; none where they have none.
+fn name(at: &AtFit, rows: &[usize], channel: usize, quantity: Quantity) -> Option<Named> {
+    let observations = at.observations;
+    let (mechanism, readings) = (&observations.mechanism, &observations.readings);
+    let lanes = readings.lane_of_rows();
+    let of = |value: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+        rows.iter().map(|&row| value(lanes[row].0, lanes[row].1)).collect()
+    };
+    let plain = |text: &str, values| Named { text: text.into(), values, turns: false, time: false };
+    Some(match quantity {
+        Quantity::Theta(c) => {
+            let coordinates = coordinates(at, c);
+            let values = of(&|block, lane| coordinates[block].0[lane]);
+            let turns = mechanism.moves_joint(c) && !mechanism.slides(c);
+            let text = format!("theta[{}]", mechanism.channels[c].name);
+            Named { text, values, turns, time: false }
+        }
+        Quantity::Time => {
+            let values = of(&|block, lane| readings.blocks()[block].time.0[lane]);
+            Named { time: true, ..plain("t", values) }
+        }
+        Quantity::Temperature => {
+            plain("temperature", of(&|block, lane| readings.blocks()[block].temperature.0[lane]))
+        }
+        // Of drives in closed loops `torque` is another, (46).
+        Quantity::Torque(c) if c == channel && !mechanism.tells_of_drives() => {
+            let torques = Model::torques(mechanism, readings, |b| at.settled(b)).ok()?;
+            plain("torque", of(&|block, lane| torques[block][c].0[lane]))
+        }
+        Quantity::Direction(c) if c == channel => {
+            plain("direction", of(&|block, lane| readings.approach(block)[c].0[lane]))
+        }
+        Quantity::Velocity(c) if c == channel => {
+            plain("velocity", of(&|block, lane| readings.velocity(block)[c].0[lane]))
+        }
+        Quantity::Column(k) => {
+            let name = mechanism.value_columns().swap_remove(k);
+            let declared = mechanism.columns.iter().any(|column| column.name == name);
+            let values = declared.then(|| of(&|block, lane| readings.columns(block)[k].0[lane]))?;
+            plain(&name, values)
+        }
+        _ => return None,
+    })
+}
+
+/// Coordinates of a channel as the fit has them, block by block.
+fn coordinates(at: &AtFit, channel: usize) -> Vec<Lanes> {
+    let readings = &at.observations.readings;
+    let (want, mut ws) = (Want { x: false, a: false }, Workspace::default());
+    let blocks = (0..readings.blocks().len()).map(|block| {
+        at.fit.model.evaluate(readings, block, at.settled(block), &at.fit.beta, want, &mut ws);
+        ws.angles[channel]
+    });
+    blocks.collect()
+}

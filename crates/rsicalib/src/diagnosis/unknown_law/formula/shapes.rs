@@ -1,0 +1,248 @@
+//! Products of a factor of each variable, as formulas write them.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use crate::text::significant;
+
+/// Powers, and orders of waves, up to this one.
+const ORDER: usize = 3;
+
+/// Places of steps and bends: so many parts of what a variable spans.
+const PARTS: usize = 8;
+
+/// Decays of time: these parts of a session.
+const DECAYS: [f64; 3] = [0.05, 0.15, 0.5];
+
+/// Digits of a number in a formula.
+const DIGITS: usize = 4;
+
+/// The smallest and the largest value of a variable.
+pub(super) type Span = [f64; 2];
+
+/// A variable as formulas write it, with its value in each sample.
+pub(super) struct Named {
+    pub(super) text: String,
+    pub(super) values: Vec<f64>,
+    /// An angle, of which there are waves.
+    pub(super) turns: bool,
+    pub(super) time: bool,
+}
+
+impl Named {
+    pub(super) fn span(&self) -> Span {
+        let low = self.values.iter().copied().fold(f64::INFINITY, f64::min);
+        [low, self.values.iter().copied().fold(f64::NEG_INFINITY, f64::max)]
+    }
+
+    /// True for a direction, which has three values: of its powers there is one.
+    fn is_sign(&self) -> bool {
+        self.values.iter().all(|v| *v == v.signum() || *v == 0.0)
+    }
+}
+
+/// A function of one variable.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Shape {
+    /// `(x - from)^power`
+    Power { power: i32, from: f64 },
+    /// `sin(order x + phase)`
+    Wave { order: f64, phase: f64 },
+    /// `exp(-x/length)`
+    Decay { length: f64 },
+    /// One beyond a place, zero before.
+    Step { at: f64 },
+    /// `max(x - at, 0)`
+    Bend { at: f64 },
+}
+
+impl Shape {
+    fn at(self, x: f64) -> f64 {
+        match self {
+            Self::Power { power, from } => (x - from).powi(power),
+            Self::Wave { order, phase } => (order * x + phase).sin(),
+            Self::Decay { length } => (-x / length).exp(),
+            Self::Step { at } => f64::from(u8::from(x >= at)),
+            Self::Bend { at } => (x - at).max(0.0),
+        }
+    }
+
+    /// As it is written, of a variable.
+    fn text(self, x: &str) -> String {
+        match self {
+            Self::Power { power: 1, from } => less(x, from, true),
+            Self::Power { power, from } => format!("{}^{power}", less(x, from, true)),
+            Self::Wave { order, phase } if phase == FRAC_PI_2 => {
+                format!("cos({})", times(order, x))
+            }
+            Self::Wave { order, phase } => {
+                format!("sin({})", less(&times(order, x), -phase, false))
+            }
+            Self::Decay { length } => format!("exp(-{x}/{})", significant(length, DIGITS)),
+            Self::Step { at } => format!("step({})", less(x, at, false)),
+            Self::Bend { at } => format!("max({}, 0)", less(x, at, false)),
+        }
+    }
+
+    fn kind(self) -> i32 {
+        match self {
+            Self::Power { power, .. } => power,
+            Self::Wave { .. } => -1,
+            Self::Decay { .. } => -2,
+            Self::Step { .. } => -3,
+            Self::Bend { .. } => -4,
+        }
+    }
+
+    /// Numbers inside it, each with the range of those beside it that are of the same kind.
+    pub(super) fn inner(self, [low, high]: &Span) -> Vec<(f64, [f64; 2])> {
+        let part = (high - low) / PARTS as f64;
+        match self {
+            Self::Power { from, .. } => vec![(from, [*low, *high])],
+            // One period and more, and no more waves than poses show.
+            Self::Wave { order, phase } => vec![
+                (order, [(order - 0.5).max(0.25), order + 0.5]),
+                (phase, [phase - FRAC_PI_2, phase + FRAC_PI_2]),
+            ],
+            Self::Decay { length } => vec![(length, [length / 3.0, 3.0 * length])],
+            Self::Step { at } | Self::Bend { at } => vec![(at, [at - part, at + part])],
+        }
+    }
+
+    /// The same with another number inside, as it is written.
+    pub(super) fn with(self, which: usize, value: f64) -> Self {
+        let value = written(value);
+        match self {
+            Self::Power { power, .. } => Self::Power { power, from: value },
+            Self::Wave { phase, .. } if which == 0 => Self::Wave { order: value, phase },
+            Self::Wave { order, .. } => Self::Wave { order, phase: written(value.rem_euclid(TAU)) },
+            Self::Decay { .. } => Self::Decay { length: value },
+            Self::Step { .. } => Self::Step { at: value },
+            Self::Bend { .. } => Self::Bend { at: value },
+        }
+    }
+}
+
+/// A number as a formula has it.
+fn written(value: f64) -> f64 {
+    significant(value, DIGITS).parse().unwrap_or(value)
+}
+
+/// `x - value`, in parentheses on request.
+fn less(x: &str, value: f64, whole: bool) -> String {
+    if value == 0.0 {
+        return x.into();
+    }
+    let sign = if value < 0.0 { '+' } else { '-' };
+    let text = format!("{x} {sign} {}", significant(value.abs(), DIGITS));
+    if whole { format!("({text})") } else { text }
+}
+
+/// `order x`
+fn times(order: f64, x: &str) -> String {
+    if order == 1.0 { x.into() } else { format!("{}*{x}", significant(order, DIGITS)) }
+}
+
+/// A factor of each of some variables.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Product(pub(super) Vec<(usize, Shape)>);
+
+/// A variable, and a shape of it whatever the numbers inside.
+pub(super) type Kind = (usize, i32);
+
+impl Product {
+    pub(super) fn kinds(&self) -> Vec<Kind> {
+        self.0.iter().map(|(v, shape)| (*v, shape.kind())).collect()
+    }
+
+    pub(super) fn text(&self, named: &[Named]) -> String {
+        let each = self.0.iter().map(|(v, shape)| shape.text(&named[*v].text));
+        each.collect::<Vec<_>>().join("*")
+    }
+
+    /// Its value in each sample.
+    pub(super) fn values(&self, named: &[Named]) -> Vec<f64> {
+        let samples = named.first().map_or(0, |x| x.values.len());
+        let of = |(v, shape): &(usize, Shape), p: usize| shape.at(named[*v].values[p]);
+        (0..samples).map(|p| self.0.iter().map(|factor| of(factor, p)).product()).collect()
+    }
+}
+
+/// Products of a factor of each of up to two variables, and factors of one of them.
+pub(super) fn products(named: &[Named]) -> Vec<Product> {
+    let of = |v: usize, alone: bool| shapes(&named[v], alone).into_iter().map(move |s| (v, s));
+    let mut out = Vec::new();
+    if named.len() == 2 {
+        out.extend(of(0, false).flat_map(|a| of(1, false).map(move |b| Product(vec![a, b]))));
+    }
+    out.extend((0..named.len()).flat_map(|v| of(v, true)).map(|one| Product(vec![one])));
+    out
+}
+
+/// Functions of one variable. Powers in a product are taken from the middle of what the variable spans:
+/// from elsewhere they are sums of more of them.
+fn shapes(x: &Named, alone: bool) -> Vec<Shape> {
+    let [low, high] = x.span();
+    if x.is_sign() {
+        return vec![Shape::Power { power: 1, from: 0.0 }];
+    }
+    let from = if alone { 0.0 } else { written(0.5 * (low + high)) };
+    let mut out: Vec<Shape> =
+        (1..=ORDER as i32).map(|power| Shape::Power { power, from }).collect();
+    if x.turns {
+        for order in (1..=ORDER).map(|order| order as f64) {
+            out.extend([0.0, FRAC_PI_2].map(|phase| Shape::Wave { order, phase }));
+        }
+    }
+    if x.time {
+        out.extend(DECAYS.map(|length| Shape::Decay { length }));
+    }
+    for part in 1..PARTS {
+        let at = written(low + (high - low) * part as f64 / PARTS as f64);
+        out.extend([Shape::Step { at }, Shape::Bend { at }]);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Named, Product, products};
+    use crate::numerics::formula::{Graph, Program, parse};
+    use crate::numerics::lanes::Lanes;
+
+    fn angle(text: &str) -> Named {
+        let values = (0..9).map(|p| (p as f64 - 2.0) / 4.0).collect();
+        Named { text: text.into(), values, turns: true, time: false }
+    }
+
+    /// A formula is read as the value that it was made with.
+    #[test]
+    fn texts_say_what_the_values_are() {
+        let named = [angle("x"), Named { time: true, ..angle("y") }];
+        for product in products(&named) {
+            let inner = |f: &(usize, super::Shape)| f.1.inner(&named[f.0].span()).len();
+            let moved = Product(
+                product
+                    .0
+                    .iter()
+                    .map(|f| {
+                        (f.0, (0..inner(f)).fold(f.1, |s, k| s.with(k, 0.3 + 0.07 * k as f64)))
+                    })
+                    .collect(),
+            );
+            for one in [product, moved] {
+                let text = one.text(&named);
+                let mut graph = Graph::default();
+                let mut input = |name: &str, _: Option<&str>| Ok(usize::from(name == "y"));
+                let value = parse(&text, &mut graph, &mut input).expect("a formula");
+                let program = Program::new(&graph, &[value]);
+                for (p, expected) in one.values(&named).iter().enumerate() {
+                    let found = program.value(|k| Lanes::splat(named[k].values[p])).0[0];
+                    assert!(
+                        (found - expected).abs() <= 1e-13 * (1.0 + expected.abs()),
+                        "{text}: {found} for {expected}"
+                    );
+                }
+            }
+        }
+    }
+}
