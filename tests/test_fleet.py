@@ -636,7 +636,7 @@ def test_an_address_where_no_scheduler_answers_is_refused(dataset: Path, tmp_pat
 def test_columns_of_different_lengths_are_refused() -> None:
     with pytest.raises(InputError, match="different lengths"):
         columns_of({"a": [1, 2], "b": [1]})
-    with pytest.raises(InputError, match="a column of the results"):
+    with pytest.raises(InputError, match="by: found 'steps'"):
         calibrate_devices({"steps": [1]}, by="steps")
     with pytest.raises(InputError, match="found int"):
         columns_of(3)

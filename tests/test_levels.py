@@ -12,7 +12,10 @@ from scipy import optimize, stats
 
 import rsicalib
 from rsicalib import InputError, _core
-from rsicalib.work.prior import spread_of
+from rsicalib.work.prior import expected_of
+from tests.full import sized
+from tests.levels import drawn as drawn_levels
+from tests.levels import holds
 from tests.oracle import Array
 from tests.test_population import TOLERANCE, drawn, share
 
@@ -48,23 +51,11 @@ def reml(x: Array, sd: Array, levels: Groups) -> Array:
     return found
 
 
-def drawn_levels(
-    rng: np.random.Generator, levels: Groups, deviations: tuple[float, ...]
-) -> tuple[Array, Array]:
-    """Estimates and their standard deviations; the first deviation is that of the units."""
-    units = len(levels[0])
-    sd = rng.uniform(0.5, 1.5, units)
-    x = 0.7 + np.hypot(sd, deviations[0]) * rng.standard_normal(units)
-    for groups, deviation in zip(levels, deviations[1:], strict=True):
-        x += deviation * rng.standard_normal(int(groups.max()) + 1)[groups]
-    return x, sd
-
-
 def told(x: Array, sd: Array, levels: Groups) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """What the core says of the mean and of each level."""
-    shift, spreads = _core.common_shift(np.column_stack([x, sd]), [g.tolist() for g in levels])
+    (shift,) = _core.common_shifts(np.stack([x, sd], axis=-1)[None], [g.tolist() for g in levels])
     assert shift is not None
-    return shift, spreads
+    return shift, shift["levels"]
 
 
 DEVICES = np.repeat(np.arange(8), 5)
@@ -77,9 +68,9 @@ TOOLS = np.tile(np.arange(5), 8)
 )
 def test_components_have_the_largest_restricted_likelihood(levels: Groups) -> None:
     rng = np.random.default_rng(11)
-    x, sd = drawn_levels(rng, levels, (1.0, *[2.0] * len(levels)))
+    x, sd = drawn_levels(rng, levels, (1.0, *[2.0] * len(levels)), 1)[0].T
     _, spreads = told(x, sd, levels)
-    # Rounds end where a variance changes by 1e-5; what is below 1e-3 of an error is none.
+    # Steps end where `ln τ²` moves by 1e-6, those of the witness by 1e-9; none of these is none.
     found = [one["sd"] for one in spreads]
     np.testing.assert_allclose(found, reml(x, sd, levels), rtol=1e-3, atol=1e-3)
     assert [one["groups"] for one in spreads] == [40, *(int(g.max()) + 1 for g in levels)]
@@ -101,23 +92,18 @@ def test_without_errors_of_estimates_the_interval_within_groups_is_the_exact_one
 def test_intervals_of_levels_hold(deviations: tuple[float, float]) -> None:
     rng = np.random.default_rng(13)
     groups = np.repeat(np.arange(5), 4)
-    inside, mean, lives = np.zeros(2), 0, 400
-    for _ in range(lives):
-        x, sd = drawn_levels(rng, [groups], deviations)
-        shift, spreads = told(x, sd, [groups])
-        mean += abs(shift["value"] - 0.7) < shift["half"]
-        for k, (one, true) in enumerate(zip(spreads, deviations, strict=True)):
-            low, high = one["interval"] or (0.0, 0.0)
-            inside[k] += low <= true <= (np.inf if high is None else high)
-    # Of 400 the standard error is 1.1 %; they may hold too often, where one ends at zero.
-    assert (inside / lives > 0.95 - 3 * 0.011).all()
-    assert mean / lives > 0.95 - 3 * 0.011
+    lives = sized(400, 2000)
+    found = _core.common_shifts(drawn_levels(rng, [groups], deviations, lives), [groups.tolist()])
+    inside, mean = holds(found, deviations)
+    # They may hold too often, where one ends at zero.
+    least = 0.95 - 3 * np.sqrt(0.95 * 0.05 / lives)
+    assert (inside > least).all() and mean > least
 
 
 def test_what_cannot_be_told_apart_is_said() -> None:
     rng = np.random.default_rng(14)
     one, each = np.zeros(40, dtype=int), np.arange(40)
-    x, sd = drawn_levels(rng, [DEVICES], (1.0, 1.0))
+    x, sd = drawn_levels(rng, [DEVICES], (1.0, 1.0), 1)[0].T
     shift, spreads = told(x, sd, [DEVICES, one, each, DEVICES + 7])
     assert [s["same_as"] for s in spreads] == [None, None, None, 0, 1]
     assert [s["sd"] is None for s in spreads] == [False, False, True, True, True]
@@ -164,9 +150,12 @@ def test_a_level_of_shares_is_one_large_regression() -> None:
     sd = [own[level]["sd"] for level in (0, 1) for own in spreads]
     np.testing.assert_allclose(sd, best, rtol=2e-3)
     one = found["parameters"][0]
-    assert spread_of(one) == pytest.approx(np.hypot(best[0], best[2]), rel=3e-3)
+    assert one["between"] == one["levels"][1]["sd"]
+    assert one["between_interval"] == one["levels"][1]["interval"]
     # A session of another device is off by the errors of both.
-    assert spread_of({**one, "levels": []}) == pytest.approx(one["between"])
+    assert one["spread"] == pytest.approx(np.hypot(best[0], best[2]), rel=3e-3)
+    *_, expected = expected_of({"centre": [], "parameters": [one]})["parameters"][0]
+    assert expected == pytest.approx(np.hypot(one["spread"], one["sd"]))
 
 
 def sessions(place: Path) -> Path:
@@ -212,10 +201,61 @@ def test_levels_are_columns_of_the_data_or_of_a_file_beside(tmp_path: Path) -> N
         "device",
         "day",
     ]
-    with pytest.raises(InputError, match=r"levels.csv.*no column 'batch'"):
-        rsicalib.fleet(data, "rsi", out=tmp_path / "d", by="session", levels=["batch"])
-    with pytest.raises(InputError, match="levels: found 'a11'"):
-        rsicalib.fleet(data, "rsi", out=tmp_path / "e", by="session", levels=["a11"])
+
+
+@pytest.mark.parametrize(
+    ("lines", "where", "words"),
+    [
+        (["session,day", "d0s0,a"], {}, "no column 'device'"),
+        (["session,device", "d0s0,d0", ",d1"], {"line": 3, "column": "session"}, "found blank"),
+        (
+            ["session,device", "d0s0,d0", "d0s1,", "x,"],
+            {"line": 3, "column": "device"},
+            "found blank",
+        ),
+        (["session,device", "d0s0,d0", "d0s1"], {"line": 3}, "line 3"),
+        (
+            ["session,device", "d0s0,d0", "d0s0,d1"],
+            {"line": 3, "column": "session"},
+            "'d0s0' again",
+        ),
+        (["session,device", "d0s0,d0", "d0s1,d0"], None, "no device of session 'd1s0'"),
+    ],
+)
+def test_levels_beside_are_checked_before_anything_is_computed(
+    lines: list[str],
+    where: dict[str, Any] | None,
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    data = sessions(tmp_path)
+    (tmp_path / "levels.csv").write_text("\n".join(lines) + "\n")
+
+    def computed(*_: Any, **__: Any) -> None:
+        raise AssertionError("a device was calibrated")
+
+    monkeypatch.setattr(_core, "calibrate_devices", computed)
+    with pytest.raises(InputError, match=words) as refused:
+        rsicalib.fleet(data, "rsi", out=tmp_path / "a", by="session", levels=["device"])
+    if where is None:
+        assert refused.value.where is None
+    else:
+        found = refused.value.where
+        assert found is not None and str(found["file"]).endswith("levels.csv")
+        assert where.items() <= found.items()
+
+
+@pytest.mark.parametrize("name", ["a11", "session", "verdict", "chi2", "gain@a11"])
+def test_levels_have_names_of_their_own(name: str, tmp_path: Path) -> None:
+    data = sessions(tmp_path)
+    with pytest.raises(InputError, match=f"levels: found '{name}'"):
+        rsicalib.fleet(data, "rsi", out=tmp_path / "a", by="session", levels=["device", name])
+    with pytest.raises(InputError, match="levels: found 'device'"):
+        rsicalib.fleet(data, "rsi", out=tmp_path / "a", by="session", levels=["device"] * 2)
+    if name != "session":
+        with pytest.raises(InputError, match=f"by: found '{name}'"):
+            rsicalib.fleet(data, "rsi", out=tmp_path / "a", by=name)
 
 
 def test_a_session_of_two_devices_is_refused_by_its_row(tmp_path: Path) -> None:
@@ -229,6 +269,27 @@ def test_a_session_of_two_devices_is_refused_by_its_row(tmp_path: Path) -> None:
     rows = dict(zip(found.rows["session"], found.rows["message"], strict=True))
     assert "rows of device d0 and d1" in rows["s0"]
     assert found.verdicts.get("refused") == 1 and len(rows) == 5
+    # One of the rows of another session says of no device that it is of it.
+    read["device"][read["session"].index("d1s1")] = " "
+    parquet.write_table(pa.table(read), data)
+    found = rsicalib.fleet(
+        data,
+        drawn(),
+        out=tmp_path / "b",
+        by="session",
+        levels=["device"],
+        trace=False,
+        population=True,
+    )
+    rows = dict(zip(found.rows["session"], found.rows["message"], strict=True))
+    assert "column device: found blank" in rows["d1s1"]
+    assert found.verdicts.get("refused") == 2 and len(rows) == 5
+    # Neither of them is one of a device, so of the second there is none.
+    assert found.population is not None and found.population["devices"] == 2
+    (shift,) = [s for s in found.first["shifts"] if s["parameter"] == "gain@a11"]
+    assert [level["groups"] for level in shift["levels"]] == [3, 2]
+    one = found.population["parameters"][0]["levels"]
+    assert [level["groups"] for level in one] == [3, 2]
 
 
 def test_a_population_of_sessions_is_one_of_devices(tmp_path: Path) -> None:
@@ -247,6 +308,13 @@ def test_a_population_of_sessions_is_one_of_devices(tmp_path: Path) -> None:
     rows = parquet.read_table(tmp_path / "a" / "population.parquet").to_pydict()
     assert rows["device"] == ["d0", "d1", "d2"]
     assert {len(p["levels"]) for p in found.population["parameters"]} == {2}
+    for p in found.population["parameters"]:
+        session, device = p["levels"]
+        assert (p["between"], p["between_interval"]) == (device["sd"], device["interval"])
+        for own in (session, device):
+            assert own["interval"] is None or own["interval"][0] <= own["sd"] <= own["interval"][1]
+        all_levels = np.hypot(session["sd"], device["sd"])
+        assert p["spread"] == pytest.approx(max(all_levels, 0.01 * p["tolerance"]))
     few = rsicalib.simulate(poses=6, samples=2, seed=99).readings
     own = rsicalib.calibrate(few, mechanism, population=tmp_path / "a" / "population.json")
     assert own.parameters

@@ -161,37 +161,35 @@ def test_information_is_of_the_readings_however_tightly_something_is_expected() 
             assert values[0] > -1e-9 * values[-1]
 
 
+def shifts(off: Array, sd: Array) -> list[dict[str, Any]]:
+    """Common shift of each parameter, of which `off` and `sd` have a row."""
+    found = _core.common_shifts(np.stack([off, sd], axis=-1))
+    assert len(found) == len(off)
+    return [one for one in found if one is not None]
+
+
 def test_common_shifts_have_bounds_that_hold() -> None:
     rng = np.random.default_rng(6)
-    inside = false = 0
-    for _ in range(2000):
-        sd = rng.uniform(0.5, 2.0, 12)
-        # Stated deviations are half of the true ones: what a spread of devices shows.
-        off = 0.7 + np.hypot(2 * sd, 1.0) * rng.standard_normal(12)
-        one, _ = _core.common_shift(np.column_stack([off, sd]))
-        assert one is not None
-        inside += abs(one["value"] - 0.7) < one["half"]
+    sd = rng.uniform(0.5, 2.0, (2000, 12))
+    # Stated deviations are half of the true ones: what a spread of devices shows.
+    off = 0.7 + np.hypot(2 * sd, 1.0) * rng.standard_normal(sd.shape)
+    inside = sum(abs(one["value"] - 0.7) < one["half"] for one in shifts(off, sd))
     assert abs(inside / 2000 - 0.95) < 4 * 0.005
-    for _ in range(2000):
-        sd = rng.uniform(0.5, 2.0, 12)
-        one, _ = _core.common_shift(np.column_stack([sd * rng.standard_normal(12), sd]))
-        assert one is not None
-        false += one["p_value"] < 0.05
+    sd = rng.uniform(0.5, 2.0, (2000, 12))
+    false = sum(one["p_value"] < 0.05 for one in shifts(sd * rng.standard_normal(sd.shape), sd))
     # Without a spread between devices the bound is as wide or wider.
     assert false / 2000 < 0.05 + 4 * 0.005
-    assert _core.common_shift(np.array([(1.0, 1.0), (2.0, 1.0)]))[0] is None
+    assert _core.common_shifts(np.array([[(1.0, 1.0), (2.0, 1.0)]])) == [None]
 
 
 @pytest.mark.parametrize("between", [0.0, 0.3, 3.0])
 def test_the_spread_between_devices_has_an_interval_that_holds(between: float) -> None:
     rng = np.random.default_rng(9)
     inside = 0
-    for _ in range(2000):
-        sd = rng.uniform(0.5, 2.0, 10)
-        off = np.hypot(sd, between) * rng.standard_normal(10)
-        one, _ = _core.common_shift(np.column_stack([off, sd]))
-        assert one is not None
-        low, high = one["between_interval"]
+    sd = rng.uniform(0.5, 2.0, (2000, 10))
+    for one in shifts(np.hypot(sd, between) * rng.standard_normal(sd.shape), sd):
+        # None where they differ by less than their errors make them.
+        low, high = one["between_interval"] or (0.0, 0.0)
         assert low <= one["between"] <= high
         inside += low <= between <= high
     # Where nothing is between the lower end is zero: only the upper end may be wrong.
@@ -201,8 +199,7 @@ def test_the_spread_between_devices_has_an_interval_that_holds(between: float) -
 
 def test_devices_known_far_better_than_they_differ_have_the_usual_interval() -> None:
     off = np.random.default_rng(4).standard_normal(10)
-    one, _ = _core.common_shift(np.column_stack([off, np.full(10, 1e-9)]))
-    assert one is not None
+    (one,) = shifts(off[None], np.full((1, 10), 1e-9))
     squares = float(np.var(off, ddof=1)) * 9
     ends = [np.sqrt(squares / stats.chi2.isf(p, 9)) for p in (0.025, 0.975)]
     assert one["between_interval"] == pytest.approx(ends, rel=1e-9)

@@ -399,12 +399,10 @@ def check(
 ) -> dict[str, Any]:
     """Error of a result on known poses, root mean square over components."""
 
-def common_shift(
-    devices: Array, levels: Any = None
-) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
-    """Common shift of a parameter, from a row for each device (distance from the drawing, sd):
-    `{devices, value, half, between, p_value}`, None for too few; and how each level differs, what is
-    given first, where `levels` says for each level in which group each device is.
+def common_shifts(estimates: Array, levels: Any = None) -> list[dict[str, Any] | None]:
+    """Common shift of each parameter, from a row for each device (distance from the drawing, sd), by
+    parameters: `{devices, value, half, between, between_interval, p_value}`, None for too few. `levels`
+    says for each level in which group each device is; each then has `levels`, devices first.
     """
 
 def compared(

@@ -95,7 +95,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(population::shares, module)?)?;
     module.add_function(wrap_pyfunction!(population::population, module)?)?;
     module.add_function(wrap_pyfunction!(population::summed, module)?)?;
-    module.add_function(wrap_pyfunction!(population::common_shift, module)?)?;
+    module.add_function(wrap_pyfunction!(population::common_shifts, module)?)?;
     module.add_function(wrap_pyfunction!(numbers::plain_numbers, module)?)?;
     Ok(())
 }

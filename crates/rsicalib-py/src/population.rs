@@ -1,13 +1,13 @@
 //! What devices of one design share.
 
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict};
 use pythonize::pythonize;
 use rsicalib::estimate::Expected;
 use rsicalib::estimate::directions::ParameterReport;
 use rsicalib::model::Spec;
-use rsicalib::population::{Candidate, Share, Shift, Spread, Summed, middles};
+use rsicalib::population::{Candidate, Share, Shift, Summed, middles};
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
@@ -172,25 +172,24 @@ pub fn summed<'py>(
     Ok(found.map(|found| pythonize(py, &found)).transpose()?)
 }
 
-/// Common shift of a parameter, from a row for each device (distance from the drawing, sd):
-/// `{devices, value, half, between, p_value}`, None for too few; and how each level differs, what is
-/// given first, where `levels` says for each level in which group each device is.
+/// Common shift of each parameter, from a row for each device (distance from the drawing, sd), by
+/// parameters: `{devices, value, half, between, between_interval, p_value}`, None for too few. `levels`
+/// says for each level in which group each device is; each then has `levels`, devices first.
 #[pyfunction]
-#[pyo3(signature = (devices, levels=None))]
-pub fn common_shift<'py>(
+#[pyo3(signature = (estimates, levels=None))]
+pub fn common_shifts<'py>(
     py: Python<'py>,
-    devices: PyReadonlyArray2<'py, f64>,
+    estimates: PyReadonlyArray3<'py, f64>,
     levels: Option<Vec<Vec<usize>>>,
-) -> PyResult<(Option<Bound<'py, PyAny>>, Bound<'py, PyAny>)> {
-    let devices: Vec<_> = devices.as_array().rows().into_iter().map(|d| (d[0], d[1])).collect();
+) -> PyResult<Vec<Option<Bound<'py, PyAny>>>> {
+    let estimates: Vec<Vec<(f64, f64)>> = estimates
+        .as_array()
+        .outer_iter()
+        .map(|devices| devices.rows().into_iter().map(|d| (d[0], d[1])).collect())
+        .collect();
     let levels = levels.unwrap_or_default();
-    let (shift, spreads): (Option<Shift>, Vec<Spread>) = if levels.is_empty() {
-        (rsicalib::population::common_shift(&devices), Vec::new())
-    } else {
-        work(py, || rsicalib::population::common_shift_of_levels(&devices, &levels))?
-            .map_err(PyError::from)?
-            .map_or((None, Vec::new()), |(shift, spreads)| (Some(shift), spreads))
-    };
-    let shift = shift.map(|shift| pythonize(py, &shift)).transpose()?;
-    Ok((shift, pythonize(py, &spreads)?))
+    let found: Vec<Option<Shift>> =
+        work(py, || rsicalib::population::common_shifts(&estimates, &levels))?
+            .map_err(PyError::from)?;
+    found.iter().map(|one| Ok(one.as_ref().map(|one| pythonize(py, one)).transpose()?)).collect()
 }

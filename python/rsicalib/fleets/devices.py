@@ -27,6 +27,7 @@ __all__ = [
     "REST",
     "Device",
     "calibrate_devices",
+    "check_names",
     "devices_of",
     "digests",
     "one_device",
@@ -108,8 +109,7 @@ def calibrate_devices(
     """
     mechanism = open_mechanism(mechanism)
     time_limit = None if time_limit is None else number("time_limit", time_limit)
-    if by in (*TEXT, *NUMBERS):
-        raise InputError(f"by: found {by!r}, a column of the results, expected another name")
+    check_names(mechanism, by)
     devices = devices_of(
         columns_of(frame), None if rest is None else columns_of(rest), mechanism, by
     )
@@ -142,6 +142,22 @@ def calibrate_devices(
         rows["message"][k] = _ended(time_limit, rows["verdict"][k], rows["message"][k])
         rows["sha256"][k] = None  # calibrated again by a run that is resumed
     return frame_like(frame, rows, by)
+
+
+def check_names(mechanism: Mechanism, by: str, levels: Sequence[str] = ()) -> None:
+    """Refuse names of devices or of levels that are those of other columns.
+
+    Raises
+    ------
+    InputError
+        One is a column of readings or of results, or is given twice.
+    """
+    own = {*TEXT, *NUMBERS, *(channel.name for channel in mechanism.channels)}
+    for k, (option, name) in enumerate([("by", by), *(("levels", level) for level in levels)]):
+        # Results of parameters are columns such as `gain@a11`.
+        if name in own or "@" in name or name in (by, *levels)[:k]:
+            expected = "another column, once, than those of readings and results"
+            raise InputError(f"{option}: found {name!r}, expected {expected}")
 
 
 def _ended(limit: float | None, verdict: str | None, message: str) -> str:

@@ -91,7 +91,8 @@ class Job:
         order = sorted(range(len(place)), key=lambda k: place[made[self.by][k]])
         made = {name: [cells[k] for k in order] for name, cells in made.items()}
         for k, level in enumerate(self.levels):
-            made[level] = [groups[label][k] if label in groups else "" for label in made[self.by]]
+            none = ("",) * len(self.levels)
+            made[level] = [groups.get(label, none)[k] for label in made[self.by]]
         if partition.files:
             made["file"] = [partition.files.get(label) for label in made[self.by]]
         return made

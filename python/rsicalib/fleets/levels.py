@@ -10,7 +10,7 @@ from typing import Any
 from rsicalib.errors import InputError
 from rsicalib.fleets.frames import runs_of
 from rsicalib.io.frames import Columns
-from rsicalib.io.tables import read_table, text
+from rsicalib.io.tables import is_blank, quoted, read_table, text
 
 __all__ = ["Levels", "beside", "groups_of"]
 
@@ -26,7 +26,7 @@ class Levels:
     names : tuple of str
         The levels, as they were given.
     groups : mapping
-        Of each unit the label of its group in each level.
+        Of each unit the label of its group in each level; no unit that is in none.
     units : sequence
         The units in a certain order.
     """
@@ -37,22 +37,30 @@ class Levels:
     units: Sequence[Any] = ()
 
     def of(self, units: Sequence[Any]) -> Levels:
-        """The same of units in an order.
+        """The same of units in an order."""
+        return Levels(self.by, self.names, self.groups, units)
+
+    def has(self, unit: Any) -> bool:
+        """Whether it is said in which groups a unit is."""
+        return str(unit) in self.groups
+
+    def check(self, units: Iterable[Any]) -> None:
+        """Refuse units of which it is not said in which groups they are.
 
         Raises
         ------
         InputError
-            Of a unit it is not said in which groups it is.
+            There is one.
         """
-        lost = [unit for unit in units if str(unit) not in self.groups]
-        if lost:
-            found = f"no {self.names[0]} of {self.by} {lost[0]!r}"
+        lost = next((unit for unit in units if not self.has(unit)), None)
+        if lost is not None:
+            found = f"no {self.names[0]} of {self.by} {str(lost)!r}"
             raise InputError(f"levels: found {found}, expected one of each")
-        return Levels(self.by, self.names, self.groups, units)
 
     def labels(self, level: int) -> list[str]:
-        """The group of each unit."""
-        return [self.groups[str(unit)][level] for unit in self.units]
+        """The group of each unit; a blank one where it is in none, and then tells nothing."""
+        none = ("",) * len(self.names)
+        return [self.groups.get(str(unit), none)[level] for unit in self.units]
 
     @property
     def numbers(self) -> list[list[int]]:
@@ -74,13 +82,13 @@ class Levels:
         return out
 
 
-def beside(path: Path, by: str, names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+def beside(path: Path, by: str, names: tuple[str, ...]) -> Levels:
     """What `levels.csv` says of each unit: a row for each, with the column `by` and the levels.
 
     Raises
     ------
     InputError
-        A column is missing, or a unit has two rows that differ.
+        A column is missing, a cell is blank, or a unit has two rows that differ.
     """
     table = read_table(path)
     columns = dict(zip(table.names, table.columns, strict=True))
@@ -88,20 +96,36 @@ def beside(path: Path, by: str, names: Sequence[str]) -> dict[str, tuple[str, ..
         if name not in columns:
             found = f"no column {name!r} ({', '.join(table.names)})"
             raise InputError.at(str(path), found=found, expected=f"columns {by} and the levels")
-    cells = {name: [text(cell) for cell in list(columns[name])] for name in (by, *names)}
+    cells = {name: list(columns[name]) for name in (by, *names)}
+
+    def refused(row: int, column: str, found: str, expected: str) -> InputError:
+        return InputError.at(
+            str(path),
+            line=int(table.lines[row]),
+            line_word=table.line_word,
+            column=column,
+            found=found,
+            expected=expected,
+        )
+
     out: dict[str, tuple[str, ...]] = {}
-    for k, unit in enumerate(cells[by]):
-        own = tuple(cells[name][k] for name in names)
-        if out.setdefault(unit, own) != own:
-            found = f"two rows of {unit!r} that differ"
-            raise InputError.at(str(path), found=found, expected="one row of each")
-    return out
+    for row in range(len(table.lines)):
+        ragged = table.ragged.get(row)
+        if ragged is not None:
+            raise refused(row, ragged.column, ragged.found, ragged.expected)
+        for name, column in cells.items():
+            if is_blank(column[row]):
+                raise refused(row, name, quoted(column[row]), "a name")
+        unit, *own = (text(column[row]) for column in cells.values())
+        if out.setdefault(unit, tuple(own)) != tuple(own):
+            raise refused(row, by, f"{unit!r} again, in other groups", "one row of each")
+    return Levels(by, names, out)
 
 
 def groups_of(
     frame: Columns, by: str, names: Sequence[str]
 ) -> tuple[dict[Any, tuple[str, ...]], dict[Any, str]]:
-    """Of each unit of a table its groups; why not, of a unit that has rows of several.
+    """Of each unit of a table its groups; why not, of a unit that has rows of several or of none.
 
     Raises
     ------
@@ -119,10 +143,13 @@ def groups_of(
         for name in names:
             cells = list(dict.fromkeys(text(c) for run in runs for c in list(frame[name][run])))
             own.append(cells[0])
-            if len(cells) > 1:
+            if any(is_blank(cell) for cell in cells):
+                mixed[label] = f"column {name}: found blank, expected a name"
+            elif len(cells) > 1:
                 several = " and ".join(cells[:2])
                 mixed[label] = (
                     f"found rows of {name} {several}, expected names of {by} for one each"
                 )
-        out[label] = tuple(own)
+        if label not in mixed:
+            out[label] = tuple(own)
     return out, mixed

@@ -10,6 +10,7 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
+from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.fleets.dataset import Partition
 from rsicalib.fleets.devices import devices_of
@@ -19,7 +20,7 @@ from rsicalib.fleets.levels import Levels
 from rsicalib.fleets.store import Parts
 from rsicalib.options import names
 from rsicalib.work.arguments import noise_of_channels
-from rsicalib.work.prior import FORMAT, spread_of
+from rsicalib.work.prior import FORMAT
 
 __all__ = ["ShareJob", "first_line", "joint", "sentences", "tolerances_of"]
 
@@ -28,6 +29,9 @@ ROUNDS = 3
 
 Run = Callable[["ShareJob"], Iterable[tuple[Part, Rows]]]
 """Hands the partitions of the dataset to a job, and its rows back."""
+
+CELLS = 1_000_000
+"""Estimates that are compared at once: 16 MB, whatever the number of devices."""
 
 LEVEL = 0.01
 """Probability of calling any shift common, or the sum of the fits significant, by chance."""
@@ -122,9 +126,11 @@ def joint(
     told: Mapping[str, Any] = {}
     for _ in range(ROUNDS):
         job = ShareJob(mechanism, by, expected, list(tolerances), options)
-        rows = [pair for _, part in run(job) for pair in zip(part[by], part["share"], strict=True)]
+        # A piece in whose rows no device begins has none.
+        parts = [part for _, part in run(job) if part]
+        rows = [pair for part in parts for pair in zip(part[by], part["share"], strict=True)]
         devices = sorted(
-            (d for d in rows if not isinstance(d[1], str)),
+            (d for d in rows if not isinstance(d[1], str) and (levels is None or levels.has(d[0]))),
             key=lambda d: (isinstance(d[0], str), d[0]),
         )
         if len(devices) < 2:
@@ -164,7 +170,7 @@ def _drawn(tolerances: Mapping[str, float]) -> Iterator[tuple[str, str | None, N
 def _common(found: Mapping[str, Any]) -> Iterator[tuple[str, str, str, float, float]]:
     """What the fleet says of what was calibrated by itself."""
     for p in found["parameters"]:
-        yield p["term"], p["target"], p["name"], p["shift"], spread_of(p)
+        yield p["term"], p["target"], p["name"], p["shift"], p["spread"]
 
 
 def _term(parameter: Sequence[str], tolerances: Mapping[str, float]) -> str:
@@ -209,24 +215,30 @@ def first_line(
         cross or fewer than three groups are left.
     """
     fits = np.column_stack([numbers_of(rows, name) for name in ("chi2", "dof", "p_value")])
+    parameters = [n for n in rows if f"{n}_sd" in rows]
+    at_once = max(1, CELLS // max(1, len(fits)))
+    numbers = None if levels is None else levels.numbers
     shifts = []
-    for name in [n for n in rows if f"{n}_sd" in rows]:
-        off = numbers_of(rows, name) - _value_drawn(name, mechanism)
-        off = np.column_stack([off, numbers_of(rows, f"{name}_sd")])
-        found, spreads = _core.common_shift(off, None if levels is None else levels.numbers)
-        if found is not None:
+    for start in range(0, len(parameters), at_once):
+        some = parameters[start : start + at_once]
+        found = _core.common_shifts(np.stack([_off(rows, n, mechanism) for n in some]), numbers)
+        for name, one in zip(some, found, strict=True):
+            if one is None:
+                continue
             if levels is not None:
-                told = levels.named(spreads)
-                found |= {"between": told[0]["sd"], "between_interval": told[0]["interval"]}
-                found["levels"] = told
-            elif found["between_interval"][1] == 0.0:
-                found["between_interval"] = None
+                one["levels"] = levels.named(one["levels"])
             drawn = name.partition("@")[0] not in _core.UNKNOWN_THINGS
-            shifts.append({"parameter": name, **found} | ({} if drawn else {"p_value": None}))
+            shifts.append({"parameter": name, **one} | ({} if drawn else {"p_value": None}))
     tested = [one for one in shifts if one["p_value"] is not None]
     for one in shifts:
         one["common"] = one in tested and one["p_value"] < LEVEL / len(tested)
     return {"summed": _core.summed(fits), "shifts": shifts}
+
+
+def _off(rows: Mapping[str, Sequence[Any]], name: str, mechanism: Mechanism) -> FloatArray:
+    """Distance of a parameter from the drawing and its standard deviation, by devices."""
+    off = numbers_of(rows, name) - _value_drawn(name, mechanism)
+    return np.column_stack([off, numbers_of(rows, f"{name}_sd")])
 
 
 def _value_drawn(name: str, mechanism: Mechanism) -> float:

@@ -14,9 +14,9 @@ from rsicalib._core import Mechanism
 from rsicalib.cores import available_cores
 from rsicalib.errors import InputError
 from rsicalib.fleets.dataset import Dataset, Partition, Piece
-from rsicalib.fleets.devices import NUMBERS, digests, without
+from rsicalib.fleets.devices import check_names, digests, without
 from rsicalib.fleets.engines import Job, Part, Task, over_dask, over_threads
-from rsicalib.fleets.frames import TEXT, Rows
+from rsicalib.fleets.frames import Rows
 from rsicalib.fleets.levels import Levels, beside
 from rsicalib.fleets.page import page
 from rsicalib.fleets.population import first_line, joint, sentences, tolerances_of
@@ -140,8 +140,9 @@ def fleet(
         Column that says which device a row belongs to.
     levels : sequence of str, optional
         Columns that say in which group each of these is: a device of sessions, a batch, a tool. A
-        column of the dataset, or of `levels.csv` beside it, which has a row for each. How the
-        groups of each differ is told in `first` and in `population.json`.
+        column of the dataset, or of `levels.csv` beside it, which has a row for each and is checked
+        before anything is computed. How the groups of each differ is told in `first` and in
+        `population.json`.
     terms, closures, noise, trace, held_out : optional
         As in `calibrate_devices`.
     workers : int, optional
@@ -184,14 +185,11 @@ def fleet(
     }
     above = tuple(names("levels", levels) or ())
     job = Job(open_mechanism(mechanism), by, {**options, "time_limit": time_limit})
-    own = {by, *TEXT, *NUMBERS, *(channel.name for channel in job.mechanism.channels)}
-    if not own.isdisjoint(above) or len(set(above)) < len(above):
-        wrong = next(name for name in above if name in own or above.count(name) > 1)
-        expected = "other columns, each once, than those of readings and results"
-        raise InputError(f"levels: found {wrong!r}, expected {expected}")
+    check_names(job.mechanism, by, above)
     tolerances = tolerances_of(job.mechanism, names("terms", terms)) if population else {}
     source = Dataset(Path(dataset), by)
-    in_rows = above if source.levels is None else ()
+    grouped = beside(source.levels, by, above) if above and source.levels is not None else None
+    in_rows = above if grouped is None else ()
     kept = {**options, **({"levels": list(in_rows)} if in_rows else {})}
     store = Store(Path(out), by, _run(job.mechanism, by, kept))
     known = store.begin(resume)
@@ -203,6 +201,9 @@ def fleet(
 
     def all_parts() -> Iterator[Part]:
         return source.partitions(PARTITION) if pieces is None else iter(pieces)
+
+    if grouped is not None:
+        grouped.check(label for part in all_parts() for label in part.labels)
 
     def new() -> Iterator[Part]:
         nonlocal count
@@ -233,7 +234,8 @@ def fleet(
     table = store.finish(order)
     if not table or (store.resumed and not order):
         raise InputError.at(str(dataset), found="no device", expected="at least one")
-    grouped = _levels(table, by, above, source.levels) if above else None
+    if above:
+        grouped = (grouped or _in_rows(table, by, above)).of(list(table[by]))
     first, found = first_line(table, job.mechanism, grouped), None
     files: tuple[Path, ...] = ()
     if population:
@@ -261,17 +263,11 @@ def fleet(
     return Fleet(table, by, (*store.write_page(html), *files, *written), first, found)
 
 
-def _levels(
-    table: Mapping[str, Sequence[Any]], by: str, names: tuple[str, ...], file: Path | None
-) -> Levels:
-    """The groups of each row: what `levels.csv` says, or the columns of the dataset."""
-    units = list(table[by])
-    if file is not None:
-        groups = beside(file, by, names)
-    else:
-        cells = zip(*(list(table[name]) for name in names), strict=True)
-        groups = {str(unit): own for unit, own in zip(units, cells, strict=True)}
-    return Levels(by, names, groups).of(units)
+def _in_rows(table: Mapping[str, Sequence[Any]], by: str, names: tuple[str, ...]) -> Levels:
+    """The groups of each row as the columns of the dataset had them; no row that has none."""
+    cells = zip(*(list(table[name]) for name in names), strict=True)
+    rows = zip(table[by], cells, strict=True)
+    return Levels(by, names, {str(unit): own for unit, own in rows if all(own)})
 
 
 def _unknown(partition: Partition, known: Mapping[Any, str], job: Job) -> Partition:

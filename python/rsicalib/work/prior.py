@@ -11,7 +11,7 @@ from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.io.sources import read_json
 
-__all__ = ["FORMAT", "PopulationArg", "expected_of", "read_population", "spread_of"]
+__all__ = ["FORMAT", "PopulationArg", "expected_of", "read_population"]
 
 FORMAT = "rsicalib.population/1"
 
@@ -44,20 +44,10 @@ def expected_of(population: Mapping[str, Any]) -> dict[str, Any]:
     """What it expects of a device: the common shift, what is not known of it, and the spread."""
     try:
         parameters = [
-            (p["term"], p["target"], p["name"], p["shift"], math.hypot(spread_of(p), p["sd"]))
+            (p["term"], p["target"], p["name"], p["shift"], math.hypot(p["spread"], p["sd"]))
             for p in population["parameters"]
         ]
         return {"centre": list(population["centre"]), "parameters": parameters}
     except (KeyError, TypeError) as error:
         found = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise InputError(f"population: found {found}, expected {FORMAT}") from None
-
-
-def spread_of(parameter: Mapping[str, Any]) -> float:
-    """Standard deviation of a parameter from one calibration to another of the design.
-
-    Of a fleet with levels, such as sessions of devices, that is of all levels together.
-    """
-    levels = [one["sd"] or 0.0 for one in parameter.get("levels", ())]
-    # What devices share is estimated with a least spread between them, also where levels show none.
-    return max(math.hypot(*levels), float(parameter["between"]))

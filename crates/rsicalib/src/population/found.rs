@@ -5,7 +5,7 @@ use faer::Mat;
 use crate::Error;
 use crate::model::Spec;
 use crate::numerics::distributions::chi2_quantile;
-use crate::population::joint::{Joint, solve};
+use crate::population::joint::{Joint, LEAST, Told, solve, solve_told};
 use crate::population::levels::{Levels, Spread};
 use crate::population::naming::{Candidate, named};
 use crate::population::share::Share;
@@ -76,10 +76,14 @@ pub struct Common {
     pub shift: f64,
     /// Standard deviation of the shift.
     pub sd: f64,
-    /// Standard deviation between devices; one for all parameters of a term and name.
-    pub between: f64,
+    /// Standard deviation between devices; one for all parameters of a term and name. With levels it is
+    /// that of the level of devices, and none where it cannot be told.
+    pub between: Option<f64>,
     /// Interval of 95 % of `between`; the upper end is null where the fleet hardly tells.
-    pub between_interval: (f64, Option<f64>),
+    pub between_interval: Option<(f64, Option<f64>)>,
+    /// Standard deviation that is expected from one calibration to another of the design: of all levels
+    /// together, and at least a hundredth of the tolerance.
+    pub spread: f64,
     /// How groups of each level differ, what was given first; empty without levels.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     pub levels: Vec<Spread>,
@@ -92,7 +96,8 @@ pub struct Common {
 ///
 /// # Errors
 ///
-/// As [`Levels::new`]; [`Error::Option`] for levels that cross.
+/// [`Error::Shape`] for a level that does not have a group for each share, [`Error::Option`] for levels
+/// that cross.
 pub fn found(shares: &[Share], tolerances: &[f64], levels: &[Vec<usize>]) -> Result<Found, Error> {
     let Some(first) = shares.first() else {
         return Ok(Found {
@@ -117,35 +122,40 @@ pub fn found(shares: &[Share], tolerances: &[f64], levels: &[Vec<usize>]) -> Res
     }
     let n = first.told.len();
     let matrix = |s: &Share| Mat::from_fn(n, n, |i, j| s.information[i * n + j]);
-    let mut information: Vec<Mat<f64>> = shares.iter().map(matrix).collect();
-    let mut told: Vec<Vec<f64>> = shares.iter().map(|s| s.told.clone()).collect();
-    let (mut spreads, mut device_of, mut level) = (Vec::new(), (0..shares.len()).collect(), None);
-    if !levels.is_empty() {
+    let information: Vec<Mat<f64>> = shares.iter().map(matrix).collect();
+    let told: Vec<Vec<f64>> = shares.iter().map(|s| s.told.clone()).collect();
+    let (joint, differ, device_of, level) = if levels.is_empty() || n == 0 {
+        let joint = solve(&information, &told, tolerances, &class);
+        let differ = (0..joint.between.len()).map(|c| Differ::of(&joint, c)).collect();
+        (joint, differ, (0..shares.len()).collect(), None)
+    } else {
         // In tolerances, as the joint estimate has them.
         let by = |i: usize| tolerances[i];
-        let scaled: Vec<Mat<f64>> = information
-            .iter()
-            .map(|h| Mat::from_fn(n, n, |i, j| h[(i, j)] * by(i) * by(j)))
-            .collect();
-        let own: Vec<Vec<f64>> =
-            told.iter().map(|h| h.iter().enumerate().map(|(i, h)| h * by(i)).collect()).collect();
-        let of = Levels::new(&scaled, &own, &class, levels, 1.0)?;
-        let Some(sums) = of.devices() else {
+        let scaled = |h: &Mat<f64>| Mat::from_fn(n, n, |i, j| h[(i, j)] * by(i) * by(j));
+        let information: Vec<Mat<f64>> = information.iter().map(scaled).collect();
+        let scaled = |h: &Vec<f64>| h.iter().enumerate().map(|(i, h)| h * by(i)).collect();
+        let told: Vec<Vec<f64>> = told.iter().map(scaled).collect();
+        let all = Levels::new(&information, &told, &class, levels, 1.0)?;
+        if !all.nests() {
             let expected = "levels that nest, for what devices share";
             return Err(Error::option("levels", "levels that cross", expected));
-        };
-        spreads = of.spreads();
-        (device_of, level) = (of.largest(), of.level());
-        let unscaled = |(h, _): &(Vec<f64>, Vec<f64>)| {
-            Mat::from_fn(n, n, |i, j| h[i * n + j] / (by(i) * by(j)))
-        };
-        information = sums.iter().map(unscaled).collect();
-        told = sums.iter().map(|(_, h)| (0..n).map(|i| h[i] / by(i)).collect()).collect();
-    }
-    let joint = solve(&information, &told, tolerances, &class);
+        }
+        let device_of = all.largest();
+        let devices = device_of.iter().max().map_or(0, |d| d + 1);
+        let mut others = None;
+        let joint = solve_told(devices, tolerances, &class, |used| {
+            let out: Vec<bool> = used.iter().map(|used| !used).collect();
+            let others = others.insert(all.without(&out));
+            let (information, told) = all.devices(others).into_iter().unzip();
+            Told { information, told, variance: Some(others.top()) }
+        });
+        let others = others.unwrap_or(all);
+        (joint, Differ::of_levels(&others), device_of, others.level())
+    };
     let parameter = |(k, p): (usize, &crate::estimate::directions::ParameterReport)| {
         let (tolerance, c) = (tolerances[k], class[k]);
-        let (low, high) = interval(joint.between[c], joint.known[c]);
+        let Differ { devices, spread, levels } = &differ[c];
+        let devices = devices.times(tolerance);
         Common {
             term: p.term.clone(),
             target: p.target.clone(),
@@ -154,9 +164,10 @@ pub fn found(shares: &[Share], tolerances: &[f64], levels: &[Vec<usize>]) -> Res
             tolerance,
             shift: joint.shift[k] * tolerance,
             sd: joint.covariance[(k, k)].max(0.0).sqrt() * tolerance,
-            between: joint.between[c] * tolerance,
-            between_interval: (low * tolerance, high.map(|high| high * tolerance)),
-            levels: spreads.iter().map(|own: &Vec<Spread>| own[c].times(tolerance)).collect(),
+            between: devices.sd,
+            between_interval: devices.interval,
+            spread: spread * tolerance,
+            levels: levels.iter().map(|own| own.times(tolerance)).collect(),
         }
     };
     let with_others = joint.devices.iter().map(|d| {
@@ -172,6 +183,36 @@ pub fn found(shares: &[Share], tolerances: &[f64], levels: &[Vec<usize>]) -> Res
         device_of,
         level,
     })
+}
+
+/// How a class differs, in tolerances.
+struct Differ {
+    devices: Spread,
+    /// Standard deviation of all levels together.
+    spread: f64,
+    levels: Vec<Spread>,
+}
+
+impl Differ {
+    /// Of devices without levels.
+    fn of(joint: &Joint, c: usize) -> Self {
+        let (spread, known) = (joint.between[c], joint.known[c]);
+        let (groups, interval) = (joint.devices_used(), Some(interval(spread, known)));
+        let devices = Spread { groups, sd: Some(spread), interval, same_as: None };
+        Self { devices, spread, levels: Vec::new() }
+    }
+
+    /// Of all classes.
+    fn of_levels(levels: &Levels) -> Vec<Self> {
+        let spreads = levels.spreads();
+        let devices = levels.level().map_or(0, |level| level + 1);
+        let one = |(c, total): (usize, f64)| Self {
+            devices: spreads[devices][c],
+            spread: total.max(LEAST).sqrt(),
+            levels: spreads.iter().map(|own| own[c]).collect(),
+        };
+        levels.total().into_iter().enumerate().map(one).collect()
+    }
 }
 
 fn design(joint: &Joint, share: &Share) -> Vec<DesignError> {

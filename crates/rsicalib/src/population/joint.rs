@@ -15,8 +15,8 @@ const ROUNDS: usize = 500;
 /// Variances between devices change by less than this, in parts, where (124) has converged.
 const CONVERGED: f64 = 1e-4;
 
-/// Least variance between devices, in tolerances squared: a hundredth of the tolerance.
-const LEAST: f64 = 1e-4;
+/// Least variance that is expected of devices, in tolerances squared: a hundredth of the tolerance.
+pub(super) const LEAST: f64 = 1e-4;
 
 /// What the fleet tells, in tolerances: parameters are divided by the `sd` of the drawing.
 #[derive(Debug, Clone)]
@@ -106,12 +106,31 @@ pub fn solve(
     let by = |h: &Vec<f64>| h.iter().zip(tolerances).map(|(h, t)| h * t).collect();
     let information: Vec<Mat<f64>> = information.iter().map(scale).collect();
     let told: Vec<Vec<f64>> = told.iter().map(by).collect();
-    let fleet = Fleet { information: &information, told: &told, tolerances, class };
-    let mut used = vec![true; told.len()];
+    let same =
+        |_: &[bool]| Told { information: information.clone(), told: told.clone(), variance: None };
+    solve_told(told.len(), tolerances, class, same)
+}
+
+/// What devices tell, in tolerances.
+pub(super) struct Told {
+    pub(super) information: Vec<Mat<f64>>,
+    pub(super) told: Vec<Vec<f64>>,
+    /// Variance between devices of each class, where it is known; it is estimated where not.
+    pub(super) variance: Option<Vec<f64>>,
+}
+
+/// As [`solve`], of `count` devices that tell `told` where those take part that it is called with.
+pub(super) fn solve_told(
+    count: usize,
+    tolerances: &[f64],
+    class: &[usize],
+    mut told: impl FnMut(&[bool]) -> Told,
+) -> Joint {
+    let mut used = vec![true; count];
     let mut seen = Vec::new();
     loop {
-        let joint = fleet.joint(&used);
-        let limit = FALSE / told.len().max(1) as f64;
+        let joint = Fleet { own: told(&used), tolerances, class }.joint(&used);
+        let limit = FALSE / count.max(1) as f64;
         let next: Vec<bool> = joint.devices.iter().map(|d| d.p_value >= limit).collect();
         let left = next.iter().filter(|used| **used).count();
         if next == used || seen.contains(&next) || left < 2 {
@@ -122,8 +141,7 @@ pub fn solve(
 }
 
 struct Fleet<'a> {
-    information: &'a [Mat<f64>],
-    told: &'a [Vec<f64>],
+    own: Told,
     tolerances: &'a [f64],
     class: &'a [usize],
 }
@@ -145,7 +163,7 @@ struct Held {
 
 impl Fleet<'_> {
     fn held(&self, d: usize, variance: &[f64]) -> Held {
-        let (h, n) = (&self.information[d], self.class.len());
+        let (h, n) = (&self.own.information[d], self.class.len());
         let root: Vec<f64> = self.class.iter().map(|&c| variance[c].sqrt()).collect();
         let inner =
             Mat::from_fn(n, n, |i, j| root[i] * h[(i, j)] * root[j] + f64::from(u8::from(i == j)));
@@ -153,7 +171,11 @@ impl Fleet<'_> {
         let v = Mat::from_fn(n, n, |i, j| root[i] * inner[(i, j)] * root[j]);
         let hv = h * &v;
         let lambda = h - &hv * h;
-        let b = self.told[d].iter().zip(times(&hv, &self.told[d])).map(|(h, l)| h - l).collect();
+        let b = self.own.told[d]
+            .iter()
+            .zip(times(&hv, &self.own.told[d]))
+            .map(|(h, l)| h - l)
+            .collect();
         Held { v, lambda, b }
     }
 
@@ -171,14 +193,17 @@ impl Fleet<'_> {
 
     fn joint(&self, used: &[bool]) -> Joint {
         let classes = self.class.iter().max().map_or(0, |c| c + 1);
-        let mut variance = vec![1.0; classes];
+        let given = self.own.variance.as_ref();
+        let start = |given: &Vec<f64>| given.iter().map(|v| v.clamp(LEAST, 1e6)).collect();
+        let mut variance = given.map_or_else(|| vec![1.0; classes], start);
         let mut known = vec![0.0; classes];
         for _ in 0..ROUNDS {
             let all: Vec<Held> = (0..used.len()).map(|d| self.held(d, &variance)).collect();
             let sums = self.sums(&all, used);
             let (squares, determined) = self.deviations(&all, &sums, used, &variance);
             let mut moved: f64 = 0.0;
-            for (c, old) in variance.iter_mut().enumerate() {
+            let estimated = variance.iter_mut().enumerate().filter(|_| given.is_none());
+            for (c, old) in estimated {
                 let next = (squares[c] / determined[c].max(f64::MIN_POSITIVE)).clamp(LEAST, 1e6);
                 moved = moved.max((next / *old).ln().abs());
                 *old = next;
@@ -209,9 +234,11 @@ impl Fleet<'_> {
     ) -> (Vec<f64>, Vec<f64>) {
         let (mut squares, mut known) = (vec![0.0; variance.len()], vec![0.0; variance.len()]);
         for (d, held) in all.iter().enumerate().filter(|(d, _)| used[*d]) {
-            let u =
-                times(&held.v, &minus(&self.told[d], &times(&self.information[d], &sums.shift)));
-            let k = &held.v * &self.information[d];
+            let u = times(
+                &held.v,
+                &minus(&self.own.told[d], &times(&self.own.information[d], &sums.shift)),
+            );
+            let k = &held.v * &self.own.information[d];
             let through = &k * &sums.covariance;
             for (i, &c) in self.class.iter().enumerate() {
                 let shared: f64 = (0..u.len()).map(|j| through[(i, j)] * k[(i, j)]).sum();
@@ -242,7 +269,7 @@ impl Fleet<'_> {
         let (mut mean, mut sd) = (Vec::new(), Vec::new());
         if used {
             let from = |k: usize| variance[self.class[k]].recip();
-            let told: Vec<f64> = (0..n).map(|k| self.told[d][k] + from(k) * shift[k]).collect();
+            let told: Vec<f64> = (0..n).map(|k| self.own.told[d][k] + from(k) * shift[k]).collect();
             mean = times(&v, &told);
             let lent = Mat::from_fn(n, n, |i, j| v[(i, j)] * from(j));
             let shared = &lent * covariance * lent.transpose();

@@ -24,9 +24,9 @@ mod naming;
 mod share;
 mod vectors;
 
-pub use first::{Shift, Summed, common_shift, common_shift_of_levels, summed};
+pub use first::{Shift, Summed, common_shifts, summed};
 pub use found::{Common, DesignError, Found, found};
 pub use joint::{Device, Joint, solve};
-pub use levels::{Levels, Spread};
+pub use levels::Spread;
 pub use naming::{Candidate, Named, named};
 pub use share::{Share, candidates, middles, share};
