@@ -52,6 +52,7 @@ PYTHON = (
 """Modules and folders of `python/rsicalib`, lowest first."""
 
 RUST = (
+    "stated",
     "text",
     "error",
     "numerics",

@@ -89,6 +89,8 @@
 #[cfg(test)]
 extern crate self as rsicalib; // the tests' devices name the crate as users do
 
+#[macro_use]
+mod stated;
 mod error;
 mod text;
 

@@ -25,14 +25,15 @@ use crate::numerics::workers;
 /// Standard deviation of a reading that the fit ignores, in units of its own noise.
 const UNBOUNDED: f64 = 1e4;
 
-/// Fewer degrees of freedom than this judge nothing.
-const LEAST_DOF: f64 = 8.0;
+stated! {
+    /// Fewer degrees of freedom than this judge nothing.
+    fn least_dof() -> f64 = 8.0;
+    /// Wrong readings beside what is at fault, at the most: more would explain away anything.
+    fn wrong_beside() -> usize = 1;
+}
 
 /// Number of candidates that are refitted, smallest remaining χ² first.
 const LIKELY: usize = 3;
-
-/// Wrong readings beside what is at fault, at the most: more would explain away anything.
-const WRONG: usize = 1;
 
 /// By how much χ² falls, by chance, and is charged, for each equation that is given up (Akaike).
 const EQUATION: f64 = 2.0;
@@ -149,7 +150,7 @@ impl<'a> Released<'a> {
     ) -> Result<Option<Self>, Error> {
         let released = released(observations, start, target);
         let (equations, lost) = equations(&released, start, target);
-        if equations - lost < LEAST_DOF {
+        if equations - lost < least_dof() {
             return Ok(None);
         }
         let rest = fit(&released, start.model.instances.clone(), Some(start))?;
@@ -178,7 +179,7 @@ impl<'a> Released<'a> {
     /// Whether the rest closes within its noise, but for a few readings that are wrong.
     fn closes(&mut self, judge: &Judge) -> Result<bool, Error> {
         while let Some(scored) = self.wrong_reading(judge)? {
-            if self.wrong.len() == WRONG {
+            if self.wrong.len() == wrong_beside() {
                 return Ok(false);
             }
             let mut instances = self.rest.model.instances.clone();
@@ -189,7 +190,7 @@ impl<'a> Released<'a> {
         }
         let dof = self.dof();
         self.p_value = judge.too_large(self.rest.chi2, dof);
-        Ok(dof >= LEAST_DOF && self.p_value > LEVEL)
+        Ok(dof >= least_dof() && self.p_value > LEVEL)
     }
 
     /// The worst reading, or pose, that is wrong though this says nothing.

@@ -16,14 +16,16 @@ use crate::terms::term::{Over, Role};
 
 /// Largest share of a channel's range, or of its limits, that noise may be.
 const NOISE: f64 = 0.05;
-/// Largest share of the smallest length in the loop that the misclosure may be.
-const MISCLOSURE: f64 = 0.05;
 /// Largest factor by which a noise that was declared may be too small.
 const NOISIER: f64 = 4.0;
 /// Largest ratio of a gain to the nominal one with which readings may be of this mechanism.
 const GAIN: f64 = 2.0;
-/// Largest size of an effect, in its typical sizes.
-const EFFECT: f64 = 30.0;
+stated! {
+    /// Largest share of the smallest length in the loop that the misclosure may be.
+    fn largest_misclosure() -> f64 = 0.05;
+    /// Largest size of an effect, in its typical sizes.
+    fn largest_effect() -> f64 = 30.0;
+}
 /// A typical change of a slope, as a share of the slope.
 const SLOPE: f64 = 0.02;
 /// Lengths below this share of the longest are no links: an offset drawn to be small.
@@ -79,7 +81,7 @@ pub fn absurdities(observations: &Observations, fit: &Fit, found: &[Instance]) -
         (sigma > NOISE * span).then_some(Absurdity::Noise { channel, sigma, span })
     });
     let (rms, length) = (fit.rms_misclosure, smallest_length(mechanism));
-    let open = rms > MISCLOSURE * length && !is_declared(fit);
+    let open = rms > largest_misclosure() * length && !is_declared(fit);
     let open = open.then_some(Absurdity::Misclosure { rms, length });
     let effects = found.iter().filter_map(|instance| oversized(fit, mechanism, instance));
     noisy.chain(open).chain(effects).collect()
@@ -136,8 +138,8 @@ fn oversized(fit: &Fit, mechanism: &Mechanism, instance: &Instance) -> Option<Ab
             _ => typical,
         };
         let absurd = match largest {
-            Some(largest) => largest > EFFECT * correction,
-            None => value.abs() > EFFECT * typical,
+            Some(largest) => largest > largest_effect() * correction,
+            None => value.abs() > largest_effect() * typical,
         };
         absurd.then_some(Absurdity::Effect { instance: *instance, parameter, value, typical })
     })

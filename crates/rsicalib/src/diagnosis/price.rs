@@ -46,29 +46,46 @@ impl Family {
     }
 }
 
-/// Probability of each kind of item, one being there: of its places all are as likely.
-const PRIORS: [(Family, f64); 6] = [
-    (Family::Named, 0.54),
-    (Family::Periodic, 0.04),
-    (Family::Free, 0.08),
-    (Family::Slip, 0.12),
-    (Family::Moved, 0.04),
-    (Family::Bad, 0.18),
-];
+stated! {
+    /// Probability of an effect, one item being there: of its places all are as likely.
+    fn prior_of_named() -> f64 = 0.54;
+    /// The same of a periodic error.
+    fn prior_of_periodic() -> f64 = 0.04;
+    /// The same of a free shape.
+    fn prior_of_free() -> f64 = 0.08;
+    /// The same of a slip.
+    fn prior_of_slip() -> f64 = 0.12;
+    /// The same of what moved.
+    fn prior_of_moved() -> f64 = 0.04;
+    /// The same of a wrong reading.
+    fn prior_of_bad() -> f64 = 0.18;
+    /// Probability that there is one more effect, where there is one.
+    fn more() -> f64 = 0.25;
+    /// Amplitudes that an effect may have: doublings of that which noise alone would give it.
+    fn amplitudes() -> i32 = 12;
+    /// What refitting may change of a first-order score, at the least.
+    fn room_least() -> f64 = 4.0;
+    /// The same, as a part of the score.
+    fn room_share() -> f64 = 0.15;
+}
 
 /// The prior of a kind of item.
 #[must_use]
 pub fn prior(kind: Family) -> f64 {
-    PRIORS.iter().find(|(k, _)| *k == kind).map_or(1.0, |(_, prior)| *prior)
+    match kind {
+        Family::Named => prior_of_named(),
+        Family::Periodic => prior_of_periodic(),
+        Family::Free => prior_of_free(),
+        Family::Slip => prior_of_slip(),
+        Family::Moved => prior_of_moved(),
+        Family::Bad => prior_of_bad(),
+    }
 }
-
-/// Probability that there is one more effect, where there is one.
-const MORE: f64 = 0.25;
 
 /// What an effect beside another costs more than the first.
 #[must_use]
 pub fn another() -> f64 {
-    -2.0 * MORE.ln()
+    -2.0 * more().ln()
 }
 
 /// What the places cost where an item could have been, over its prior.
@@ -92,9 +109,6 @@ pub fn least_that_pays(k: f64, places: f64) -> f64 {
     high
 }
 
-/// Amplitudes that an effect may have: doublings of that which noise alone would give it.
-const AMPLITUDES: i32 = 12;
-
 /// What `k` parameters cost of which `χ²` falls by a score `T`: their marginal likelihood, any amplitude
 /// being as likely beforehand,
 ///
@@ -109,7 +123,7 @@ pub fn charge(k: f64, score: f64) -> f64 {
         let g = 4.0_f64.powi(j);
         (k * g.ln_1p() - score * g / (1.0 + g), 1.0)
     };
-    score + mean((0..AMPLITUDES).map(of))
+    score + mean((0..amplitudes()).map(of))
 }
 
 /// `-2 ln` of the mean of `exp(-price/2)`, each with its weight.
@@ -126,7 +140,7 @@ pub fn mean(prices: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
 /// Scores are first order: this much refitting may change.
 #[must_use]
 pub fn room(score: f64) -> f64 {
-    4.0 + 0.15 * score
+    room_least() + room_share() * score
 }
 
 /// What tells the scale of the noise.
@@ -247,8 +261,8 @@ mod tests {
             let sum: f64 = (0..=n).map(|k| weight(k) * at(low + step * f64::from(k))).sum();
             sum * step / 3.0 / (std::f64::consts::TAU * g).sqrt()
         };
-        let all: f64 = (0..super::AMPLITUDES).map(|j| ratio(4.0_f64.powi(j))).sum();
-        let wanted = 25.0 - 2.0 * (all / f64::from(super::AMPLITUDES)).ln();
+        let all: f64 = (0..super::amplitudes()).map(|j| ratio(4.0_f64.powi(j))).sum();
+        let wanted = 25.0 - 2.0 * (all / f64::from(super::amplitudes())).ln();
         let got = super::charge(1.0, 25.0);
         assert!((got - wanted).abs() < 1e-6 * wanted, "{got} for {wanted}");
     }
@@ -259,8 +273,8 @@ mod tests {
             let score = super::least_that_pays(k, places);
             // The mean likelihood ratio over the amplitudes, written out.
             let ratio = |g: f64| (1.0 + g).powf(-0.5 * k) * (0.5 * score * g / (1.0 + g)).exp();
-            let all: f64 = (0..super::AMPLITUDES).map(|j| ratio(4.0_f64.powi(j))).sum();
-            let mean = all / f64::from(super::AMPLITUDES);
+            let all: f64 = (0..super::amplitudes()).map(|j| ratio(4.0_f64.powi(j))).sum();
+            let mean = all / f64::from(super::amplitudes());
             assert!((mean - places).abs() < 1e-6 * places, "{mean} for {places}");
         }
     }

@@ -23,7 +23,7 @@ use crate::estimate::{Fit, Implicit, LONG, Observations, Part};
 use crate::model::Instance;
 use crate::numerics::lanes::Lanes;
 use crate::readings::Readings;
-use crate::readings::course::PAUSE;
+use crate::readings::course::pause;
 use crate::terms::term::{ORDER_STEP, ORDERS, Placed};
 
 /// A long recording is searched by so many stretches at the most, evenly spread: all of them would
@@ -210,7 +210,7 @@ impl<'a> Ends<'a> {
         for meta in readings.blocks() {
             meta.rows[..meta.live].iter().for_each(|row| group[*row] = meta.group);
         }
-        let pause = usual.map(|usual| PAUSE * usual).collect();
+        let pause = usual.map(|usual| pause() * usual).collect();
         Self { observations, travel, pause, group }
     }
 

@@ -8,7 +8,7 @@ use faer::Mat;
 use crate::estimate::adjusted::Adjusted;
 use crate::estimate::between::Between;
 use crate::estimate::conventions::{Conventions, Stays};
-use crate::estimate::noise::source::{LEAST_DOF, MINOR, NoiseEstimate, Source};
+use crate::estimate::noise::source::{LEAST_DOF, NoiseEstimate, Source, minor};
 use crate::estimate::objective::Noise;
 use crate::estimate::residuals::Residuals;
 use crate::estimate::suspicion::Suspicion;
@@ -113,7 +113,7 @@ impl Fit {
     #[must_use]
     pub fn unverified(&self) -> bool {
         let repeated = self.noise.source != Source::Declared || self.within >= LEAST_DOF;
-        self.noise.judges() && !(repeated && self.noise.share >= MINOR)
+        self.noise.judges() && !(repeated && self.noise.share >= minor())
     }
 
     /// True where the length of something known takes part in a convention: then nothing says how long

@@ -108,12 +108,14 @@ fn image(observations: &Observations, fit: &Fit, number: usize) -> Option<Vec<f6
     let moved: f64 = own.clone().map(|k| (found.x[k] - fit.beta[k]).powi(2)).sum::<f64>().sqrt();
     let sd: f64 = own.map(|k| fit.covariance[(k, k)].max(0.0)).sum::<f64>().sqrt();
     // Beside its image by chance, a point is within what is told of it.
-    (found.cost.is_finite() && as_well && moved > across.abs() && moved > FAR * sd)
+    (found.cost.is_finite() && as_well && moved > across.abs() && moved > far() * sd)
         .then_some(found.x)
 }
 
-/// Two solutions that are nearer to each other, in standard deviations, are within what is told of one.
-const FAR: f64 = 6.0;
+stated! {
+    /// Two solutions that are nearer to each other, in standard deviations, are within what is told of one.
+    fn far() -> f64 = 6.0;
+}
 
 /// Where an unknown point is from each place from which it is measured, in its free coordinates.
 fn offsets(observations: &Observations, fit: &Fit, number: usize, axes: &[usize]) -> Vec<Vec<f64>> {

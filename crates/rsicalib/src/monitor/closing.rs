@@ -33,12 +33,13 @@ const TOLD: f64 = 1e-3;
 /// Poses that are compared at the most, evenly spread: enough to tell, and soon done.
 const MOST: usize = 200;
 
-/// Probability that the loops of a sound device are called open: of a million uses one.
-const OPEN: f64 = 1e-6;
-
-/// By so many times misclosure does not differ between poses of a session and others: the arms by
-/// which a joint moves a closure differ by less.
-const TIMES: f64 = 5.0;
+stated! {
+    /// Probability that the loops of a sound device are called open: of a million uses one.
+    fn open_by_chance() -> f64 = 1e-6;
+    /// By so many times misclosure does not differ between poses of a session and others: the arms by
+    /// which a joint moves a closure differ by less.
+    fn times_open() -> f64 = 5.0;
+}
 
 /// How large the noise of a result is.
 #[derive(Debug, Clone, Copy)]
@@ -84,20 +85,21 @@ impl Closing {
     pub fn open(&self, own: Option<f64>) -> Option<OpenLoops> {
         let Self { rms_misclosure, p_value, .. } = *self;
         // What is not finite is not below anything.
-        let closed = p_value >= OPEN && own.is_none_or(|own| rms_misclosure < TIMES * own);
+        let closed = p_value >= open_by_chance()
+            && own.is_none_or(|own| rms_misclosure < times_open() * own);
         (!closed).then_some(OpenLoops { rms_misclosure, own, p_value })
     }
 
     /// True where a closure closes better than the noise of the result lets it.
     #[must_use]
     pub fn quieter(&self) -> bool {
-        self.p_quieter < OPEN
+        self.p_quieter < open_by_chance()
     }
 
     /// True where the noise of a result makes more of the loops than its own session had.
     #[must_use]
     pub fn expects_more_than(&self, own: f64) -> bool {
-        let within = self.expected_rms < TIMES * own;
+        let within = self.expected_rms < times_open() * own;
         !within
     }
 }

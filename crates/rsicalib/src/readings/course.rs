@@ -23,8 +23,10 @@ const FARTHEST: usize = 8;
 /// And at the least: five rows, of which a parabola does not pass through each.
 const NEAREST: usize = 2;
 
-/// A pause of so many usual times between rows is no part of a course.
-pub(crate) const PAUSE: f64 = 4.0;
+stated! {
+    /// A pause of so many usual times between rows is no part of a course.
+    pub(crate) fn pause() -> f64 = 4.0;
+}
 
 /// Rows at which reaches are compared: the error of each comparison is one part in sixty.
 const COMPARED: usize = 4096;
@@ -201,7 +203,7 @@ fn runs(table: &Table) -> Vec<[u32; 2]> {
     let mut start = 0;
     for row in 1..=time.len() {
         let goes_on = row < time.len()
-            && steps(row).is_some_and(|step| step <= PAUSE * usual[table.session_of(row)]);
+            && steps(row).is_some_and(|step| step <= pause() * usual[table.session_of(row)]);
         if !goes_on {
             all[start..row].fill([start as u32, row as u32]);
             start = row;

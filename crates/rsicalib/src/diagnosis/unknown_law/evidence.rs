@@ -16,18 +16,19 @@ use faer::{ColRef, Mat, MatRef};
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::price::{Data, mean};
-use crate::diagnosis::unknown_law::variables::{DEGREE, Function, Variable};
+use crate::diagnosis::unknown_law::variables::{Function, Variable, degree};
 use crate::estimate::at_fit::{AtFit, add_scaled};
 use crate::numerics::symmetric::dot;
 
-/// Degree of a law of one variable, and of one of two: of both together.
-const DEGREES: [usize; 2] = [DEGREE, 4];
+stated! {
+    /// Degree of a law of two variables, of both together.
+    fn degree_of_two() -> usize = 4;
+    /// Amplitudes: doublings of a quarter of what one sample tells.
+    fn law_amplitudes() -> i32 = 10;
+}
 
 /// Powers of the degree by which the amplitudes fall: a law that bends, and one that is smooth.
 const SMOOTH: [f64; 2] = [1.0, 2.0];
-
-/// Amplitudes: doublings of a quarter of what one sample tells.
-const AMPLITUDES: i32 = 10;
 
 /// What the equations of a session tell of the errors of one channel, sample by sample.
 pub struct Errors {
@@ -71,14 +72,14 @@ impl Errors {
         let m = basis.degrees.len();
         let (square, gradient) = self.normal(&basis);
         let usual = self.square.iter().sum::<f64>() / self.square.len().max(1) as f64;
-        let mut found = Vec::with_capacity(SMOOTH.len() * AMPLITUDES as usize);
+        let mut found = Vec::with_capacity(SMOOTH.len() * law_amplitudes() as usize);
         for smooth in SMOOTH {
             let scale = |j: usize| basis.degrees[j].powf(-smooth);
             let of = DMatrix::from_fn(m, m, |i, j| square[(i, j)] * scale(i) * scale(j));
             let eigen = of.symmetric_eigen();
             let along =
                 eigen.eigenvectors.transpose() * DVector::from_fn(m, |j, _| gradient[j] * scale(j));
-            for k in 0..AMPLITUDES {
+            for k in 0..law_amplitudes() {
                 let tau2 = 4.0_f64.powi(k) / (16.0 * usual);
                 let (mut fall, mut spread) = (0.0, 0.0);
                 for (value, u) in eigen.eigenvalues.iter().zip(&along) {
@@ -174,7 +175,7 @@ pub(super) struct Basis {
 
 impl Basis {
     fn of(variables: &[&Variable], samples: usize, apart: &[Vec<f64>]) -> Self {
-        let most = DEGREES[variables.len() - 1];
+        let most = if variables.len() == 1 { degree() } else { degree_of_two() };
         let one = |function: Option<&Function>, p: usize| function.map_or(1.0, |f| f.values[p]);
         let degree = |function: Option<&Function>| function.map_or(0, |f| f.degree);
         // Of each variable its functions, and none of them.
@@ -204,7 +205,7 @@ impl Basis {
 mod tests {
     use nalgebra::{DMatrix, DVector};
 
-    use super::{AMPLITUDES, Basis, Errors, SMOOTH};
+    use super::{Basis, Errors, SMOOTH, law_amplitudes};
     use crate::diagnosis::price::{Data, Scale};
     use crate::diagnosis::unknown_law::variables::{Quantity, Variable};
 
@@ -270,7 +271,7 @@ mod tests {
             let usual = a.norm_squared() / n as f64;
             let mut sum = 0.0;
             for s in SMOOTH {
-                for k in 0..AMPLITUDES {
+                for k in 0..law_amplitudes() {
                     let tau = 0.25 * 2.0_f64.powi(k) / usual.sqrt();
                     let sd = |j: usize| tau * basis.degrees[j].powf(-s);
                     let prior =
@@ -279,7 +280,7 @@ mod tests {
                     sum += (-0.5 * (gaussian(&r, &cover) - gaussian(&r, &plain))).exp();
                 }
             }
-            let wanted = -2.0 * (sum / (SMOOTH.len() as f64 * f64::from(AMPLITUDES))).ln();
+            let wanted = -2.0 * (sum / (SMOOTH.len() as f64 * f64::from(law_amplitudes()))).ln();
             // The fitted direction has a variance of 1e8 there, and no bound here.
             assert!((got - wanted).abs() < 1e-4, "{got} for {wanted}");
         }

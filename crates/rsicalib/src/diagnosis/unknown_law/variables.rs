@@ -93,8 +93,10 @@ pub struct Function {
     pub values: Vec<f64>,
 }
 
-/// Highest degree of a function of one variable.
-pub const DEGREE: usize = 8;
+stated! {
+    /// Highest degree of a function of one variable.
+    pub fn degree() -> usize = 8;
+}
 
 /// Values that are the same to so much of their range, from -1 to 1, are one.
 const SAME: f64 = 1e-6;
@@ -103,12 +105,12 @@ impl Variable {
     /// Of these values, with polynomials of it; none where they do not change.
     pub fn of(quantity: Quantity, values: Vec<f64>) -> Option<Self> {
         let values = scaled(values)?;
-        let polynomials: Vec<Vec<f64>> = values.iter().map(|&x| legendre(x, DEGREE)).collect();
+        let polynomials: Vec<Vec<f64>> = values.iter().map(|&x| legendre(x, degree())).collect();
         let one = |degree: usize| {
             let values = polynomials.iter().map(|p| p[degree]).collect();
             Function { degree, values }
         };
-        let functions: Vec<Function> = (1..=different(&values, DEGREE)).map(one).collect();
+        let functions: Vec<Function> = (1..=different(&values, degree())).map(one).collect();
         (!functions.is_empty()).then_some(Self { quantity, values, functions })
     }
 

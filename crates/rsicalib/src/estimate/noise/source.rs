@@ -310,9 +310,11 @@ fn roundings(observations: &Observations, used: &Noise) -> impl Iterator<Item = 
     observations.roundings().zip(&used.sigma).map(|(rounding, sigma)| rounding / (sigma * sigma))
 }
 
-/// Where all closures declare their play, and readings nobody spoke of make less than
-/// this share of the misclosure's variance, the noise is declared.
-pub(crate) const MINOR: f64 = 0.5;
+stated! {
+    /// Where all closures declare their play, and readings nobody spoke of make less than
+    /// this share of the misclosure's variance, the noise is declared.
+    pub(crate) fn minor() -> f64 = 0.5;
+}
 
 /// True where every closure of a sample declares its play.
 fn plays(observations: &Observations) -> bool {
@@ -453,7 +455,7 @@ pub(crate) fn estimate_noise(
         // Readings that stand still in every pose: what is left of noise is the play.
         return scaled(least, Source::Declared, f64::INFINITY);
     }
-    if plays(observations) && residuals.readings_share < MINOR {
+    if plays(observations) && residuals.readings_share < minor() {
         return scaled(1.0, Source::Declared, f64::INFINITY);
     }
     let k = residuals.equations;

@@ -4,11 +4,12 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 
 use crate::text::significant;
 
-/// Powers, and orders of waves, up to this one.
-const ORDER: usize = 3;
-
-/// Places of steps and bends: so many parts of what a variable spans.
-const PARTS: usize = 8;
+stated! {
+    /// Powers, and orders of waves, up to this one.
+    fn highest_order() -> usize = 3;
+    /// Places of steps and bends: so many parts of what a variable spans.
+    fn parts_of_formulas() -> usize = 8;
+}
 
 /// Decays of time: these parts of a session.
 const DECAYS: [f64; 3] = [0.05, 0.15, 0.5];
@@ -95,7 +96,7 @@ impl Shape {
 
     /// Numbers inside it, each with the range of those beside it that are of the same kind.
     pub(super) fn inner(self, [low, high]: &Span) -> Vec<(f64, [f64; 2])> {
-        let part = (high - low) / PARTS as f64;
+        let part = (high - low) / parts_of_formulas() as f64;
         match self {
             Self::Power { from, .. } => vec![(from, [*low, *high])],
             // One period and more, and no more waves than poses show.
@@ -187,17 +188,17 @@ fn shapes(x: &Named, alone: bool) -> Vec<Shape> {
     }
     let from = if alone { 0.0 } else { written(0.5 * (low + high)) };
     let mut out: Vec<Shape> =
-        (1..=ORDER as i32).map(|power| Shape::Power { power, from }).collect();
+        (1..=highest_order() as i32).map(|power| Shape::Power { power, from }).collect();
     if x.turns {
-        for order in (1..=ORDER).map(|order| order as f64) {
+        for order in (1..=highest_order()).map(|order| order as f64) {
             out.extend([0.0, FRAC_PI_2].map(|phase| Shape::Wave { order, phase }));
         }
     }
     if x.time {
         out.extend(DECAYS.map(|length| Shape::Decay { length }));
     }
-    for part in 1..PARTS {
-        let at = written(low + (high - low) * part as f64 / PARTS as f64);
+    for part in 1..parts_of_formulas() {
+        let at = written(low + (high - low) * part as f64 / parts_of_formulas() as f64);
         out.extend([Shape::Step { at }, Shape::Bend { at }]);
     }
     out

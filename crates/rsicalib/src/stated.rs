@@ -1,0 +1,32 @@
+//! Constants that somebody has stated and nobody has derived.
+//!
+//! `python -m tests.constants` measures what other values would do, in a build of its own with `--cfg stated`. There
+//! the environment says them: `RSICALIB_STATED` is `name=value`. Any other build has them as they stand.
+
+/// Declares such constants, as functions.
+macro_rules! stated {
+    ($($(#[$doc:meta])* $vis:vis fn $name:ident() -> $type:ty = $value:literal;)*) => {$(
+        $(#[$doc])*
+        #[cfg(not(stated))]
+        $vis const fn $name() -> $type {
+            $value
+        }
+
+        $(#[$doc])*
+        #[cfg(stated)]
+        $vis fn $name() -> $type {
+            static VALUE: std::sync::LazyLock<$type> =
+                std::sync::LazyLock::new(|| $crate::stated::instead(stringify!($name), $value));
+            *VALUE
+        }
+    )*};
+}
+
+/// The value that the environment has for a constant, else its own.
+#[cfg(stated)]
+pub(crate) fn instead<T: std::str::FromStr>(name: &str, own: T) -> T {
+    let said = std::env::var("RSICALIB_STATED").unwrap_or_default();
+    let value =
+        said.split_once('=').filter(|(of, _)| *of == name).and_then(|(_, v)| v.parse().ok());
+    value.unwrap_or(own)
+}

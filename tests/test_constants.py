@@ -1,0 +1,25 @@
+"""Stated constants: each stands in the table of `docs/search.md`, and can be changed by its name."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from tests.constants import constants
+
+PAGE = Path(__file__).parents[1] / "docs" / "search.md"
+
+
+def test_the_page_has_every_stated_constant_and_no_other() -> None:
+    rows = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if "| stated" in line]
+    named = {name for row in rows for name in re.findall(r"`([a-z_]+)`", row.split("|")[1])}
+    declared = {c.name for c in constants() if not c.name.startswith("prior_of_")}
+    assert named == declared
+    assert any("`prior_of_…`" in row for row in rows)
+
+
+def test_half_and_twice_of_a_whole_number_are_whole() -> None:
+    for constant in constants():
+        half, twice = constant.others()
+        assert float(half) < constant.value < float(twice)
+        assert constant.whole <= half.isdigit()
