@@ -13,7 +13,7 @@ use crate::model::numbering::{Owned, Unknown};
 use crate::model::prior::Prior;
 use crate::numerics::lanes::{Lanes, Vec3};
 use crate::readings::{Block, Readings};
-use crate::terms::term::{Electronics, Role, Scale, Sensor, Surface};
+use crate::terms::term::{Electronics, Role, Scale, Sensor, Site, Surface};
 
 /// A parameter that is added to the value of a distance.
 #[derive(Debug, Clone, Copy)]
@@ -254,9 +254,34 @@ impl std::fmt::Debug for Model {
 }
 
 impl Model {
+    /// What terms see of the samples of a block, whose readings are `a`: of channel 0, at place 0.
+    #[inline(always)]
+    pub(crate) fn site<'a>(
+        &'a self,
+        readings: &'a Readings,
+        block: usize,
+        a: &'a [Lanes],
+    ) -> Site<'a> {
+        let meta = &readings.blocks()[block];
+        let [approach, velocity] = self.motion(readings, block);
+        Site {
+            readings: a,
+            channel: 0,
+            scales: &self.scales,
+            time: meta.time,
+            temperature: meta.temperature,
+            approach,
+            velocity,
+            course: readings.course(block).filter(|_| self.moving),
+            late: [0.0; 2],
+            pose: meta.pose,
+            place: 0,
+        }
+    }
+
     /// Directions of approach and velocities in a block; empty where no term asks for them.
     #[inline(always)]
-    pub(crate) fn motion<'a>(&self, readings: &'a Readings, block: usize) -> [&'a [Lanes]; 2] {
+    fn motion<'a>(&self, readings: &'a Readings, block: usize) -> [&'a [Lanes]; 2] {
         match self.moving {
             true => [readings.approach(block), readings.velocity(block)],
             false => [&[], &[]],

@@ -30,7 +30,6 @@ use crate::model::lean::Lean;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
 use crate::readings::Readings;
-use crate::terms::term::Site;
 
 /// True for the parameters of a term that changes nothing: a law that every term keeps. Most terms
 /// of a model that looks for what is missing are so, and cost their derivatives only.
@@ -156,20 +155,7 @@ impl Model {
     ) {
         let channels = self.scales.len();
         let meta = &readings.blocks()[block];
-        let [approach, velocity] = self.motion(readings, block);
-        let mut site = Site {
-            readings: a,
-            channel: 0,
-            scales: &self.scales,
-            time: meta.time,
-            temperature: meta.temperature,
-            approach,
-            velocity,
-            course: readings.course(block).filter(|_| self.moving),
-            late: [0.0; 2],
-            pose: meta.pose,
-            place: 0,
-        };
+        let mut site = self.site(readings, block, a);
         let mut out = [Lanes::ZERO; MOST_PARAMETERS];
 
         ws.corrected.clear();

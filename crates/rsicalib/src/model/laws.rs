@@ -17,7 +17,6 @@ use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3, dot, minus};
 use crate::readings::Readings;
 use crate::terms::law::of_channel;
-use crate::terms::term::Site;
 
 impl Model {
     /// Computes what each law adds, and its derivatives.
@@ -38,20 +37,7 @@ impl Model {
         room.by_joint.clear();
         room.by_reading.clear();
         let meta = &readings.blocks()[block];
-        let [approach, velocity] = self.motion(readings, block);
-        let mut site = Site {
-            readings: &ws.corrected,
-            channel: 0,
-            scales: &self.scales,
-            time: meta.time,
-            temperature: meta.temperature,
-            approach,
-            velocity,
-            course: readings.course(block).filter(|_| self.moving),
-            late: [0.0; 2],
-            pose: meta.pose,
-            place: 0,
-        };
+        let mut site = self.site(readings, block, &ws.corrected);
         let mut out = [Lanes::ZERO; 1 + MOST_PARAMETERS + MOST_VARIABLES];
         for (l, law) in self.laws.iter().enumerate() {
             site.channel = law.channel.unwrap_or_default();
