@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 import rsicalib
 from rsicalib.fleets.map import MOST_DEVICES, map_figure
@@ -111,3 +112,22 @@ def test_a_device_that_stands_out_has_one_row_with_why_and_a_link(tmp_path: Path
     assert found["no. 17"].startswith("gain@a11 = 1.3: ")
     assert len(found) == 4 and all(found.values())
     assert text.count('<a href="../device%203/readings.csv">no. 3</a>') == 1
+
+
+@pytest.mark.parametrize("misfit", [False, True])
+def test_a_fleet_that_does_not_fit_together_is_no_good_one(*, misfit: bool) -> None:
+    rows = drawn()
+    html = page(rows, "device", rsicalib.load_mechanism("rsi"), [], [], misfit=misfit)
+    assert ('class="verdict bad"' in html) == misfit
+    assert ('class="verdict good"' in html) == (not misfit)
+
+
+def test_numbers_of_a_fleet_have_units() -> None:
+    """Witness: the units that a result of the same mechanism writes."""
+    found = rsicalib.calibrate(rsicalib.simulate(seed=1).readings)
+    units = {p.key: p.unit for p in found.parameters}
+    rows = drawn()
+    html = paged(rows)
+    table = html[html.index("<h2>Parameters over the fleet</h2>") :]
+    cells = dict(re.findall(r"<tr><td>([a-z]+@a\d\d)[^[]*\[(.*?)\]", table))
+    assert cells == {name: units[name] for name in NAMES}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import matplotlib
@@ -137,3 +138,31 @@ def test_a_folder_without_results_says_so(tmp_path: Path) -> None:
         rsicalib.history(tmp_path / "nowhere")
     with pytest.raises(InputError, match="a result with a date"):
         rsicalib.history(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def moved(tmp_path_factory: pytest.TempPathFactory) -> rsicalib.History:
+    """Five results of devices that share no offset: as one device they scatter in all."""
+    place = tmp_path_factory.mktemp("moved")
+    for seed, date in enumerate(DATES):
+        made = rsicalib.simulate(seed=seed)
+        found = rsicalib.calibrate(made.readings, rest=made.rest, device="seven", date=date)
+        found.save(place / f"{date}.json")
+    return rsicalib.history(place, target=0.002)
+
+
+def test_a_page_of_a_device_that_scatters_is_no_good_one(moved: rsicalib.History) -> None:
+    scattered = [one for one in moved.parameters if one.scatter]
+    assert len(scattered) > 10 and not any(one.jumps for one in moved.parameters)
+    page = moved.page()
+    assert 'class="verdict bad"' in page
+    assert re.search(rf"<summary>{len(scattered)} ", page), "a long list is folded"
+    assert all(name not in page for name in ("<th>note", "<th>found", "line is a jump"))
+
+
+def test_an_error_above_the_target_has_no_day_to_come(moved: rsicalib.History) -> None:
+    forecast = moved.forecast
+    assert forecast is not None and forecast.day is not None
+    assert forecast.now > forecast.target
+    said = next(line for line in moved.text().splitlines() if line.startswith("platform error"))
+    assert "already" in said and forecast.day not in said

@@ -11,6 +11,7 @@ import pytest
 import rsicalib
 from rsicalib import DEMO, Calibration, Trace
 from rsicalib.report.curves import any_curve
+from rsicalib.report.words import number
 from tests.pages import GUIDED, SESSIONS, guide_page, pages
 
 VERDICTS = {
@@ -55,6 +56,11 @@ def test_what_no_effect_explains_has_its_probabilities() -> None:
     np.testing.assert_allclose(found, likely / likely.sum(), rtol=1e-9)
     said = strip(left)
     assert all(words in said for words in ("no law, of arm3", "%"))
+    page = left.report()
+    chosen = page[page.index('<fieldset id="hypotheses">') : page.index('id="switched-words"')]
+    assert "no law, of arm3" in chosen, "what cannot be chosen is told beside what can"
+    assert left.unexplained is not None
+    assert page.count(left.unexplained.text.split(":")[0]) == 1
     assert any("unknown_noise" in kind for kind in kinds[:1]), "what is random follows no law"
 
 
@@ -70,6 +76,10 @@ def test_a_law_that_no_term_has_is_fitted_as_such() -> None:
     assert law.fit.dof < named.fit.dof + 5
     assert law.check is None and not law.known
     page = found.report()
+    # Its effect is not applied: the first figures are those without it, and say so.
+    assert not found.steps[0].applied and found.after.check is not None
+    assert number(found.after.check.position_rms) in page[: page.index('id="mechanism"')]
+    assert page[: page.index("<h2>What was found</h2>")].count("not applied to positions") >= 2
     chosen = found.evidence.hypotheses.index(law)
     assert re.search(rf'data-choose="{chosen}">.{{,60}}a law that no term has, of sensor a12', page)
 

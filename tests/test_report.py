@@ -26,8 +26,15 @@ from rsicalib.report.checks import noise_figure
 from rsicalib.report.figure import Figure
 from rsicalib.report.mechanism import scene_of
 from rsicalib.report.residuals import residual_figure
-from rsicalib.report.words import noise_words, number, plus_minus, sentence
-from rsicalib.report.workspace import Shades
+from rsicalib.report.words import (
+    count_words,
+    noise_words,
+    number,
+    plus_minus,
+    sentence,
+    target_words,
+)
+from rsicalib.report.workspace import Shades, workspace_figure
 from rsicalib.results.result import Result
 from rsicalib.units import with_unit
 from rsicalib.work.arguments import Bare
@@ -232,6 +239,32 @@ def test_labels_of_the_worst_dots_stay_in_their_panel(traced: Trace) -> None:
         assert min(abs(a - b) for a, b in itertools.combinations(heights, 2)) >= 12.9
 
 
+@pytest.mark.parametrize("width", [svg.NARROW, svg.WIDE])
+def test_every_label_stands_beside_its_dot_or_is_led_to_it(traced: Trace, width: float) -> None:
+    rows = np.tile([2.0, -2.0, 0.0], (48, 1))
+    rows[[0, 3, 4], 1] = -5.0, -5.2, -5.1  # beside one another, at the lower end
+    bad = dataclasses.replace(traced, before_residuals=None, after_residuals=rows)
+    figure = residual_figure(bad)
+    assert figure is not None
+    root = ET.fromstring(figure.draw(width))
+
+    def numbers(found: list[ET.Element], name: str) -> Array:
+        return np.array([float(e.get(name, "nan")) for e in found])
+
+    labels = [e for e in root.iter() if e.get("class") == "culprit"]
+    dots = [e for e in root.iter() if "far" in (e.get("class") or "").split()]
+    led = [e for e in root.iter() if e.get("class") == "leader"]
+    axes = [e for e in root.iter() if e.get("class") == "axis"]
+    assert len(dots) == 3 and len(labels) > 1
+    high = numbers(labels, "y")
+    assert np.all(high < numbers(axes[:1], "y1")), "numbers of the axis are below"
+    off = np.abs(high[:, None] - 4.0 - numbers(dots, "cy")).min(axis=1)
+    assert 0 < np.sum(off > 0.1) <= len(led) <= len(labels)
+    ends = {(d.get("cx"), d.get("cy")) for d in dots}
+    starts = {(e.get("x1"), e.get("y1")) for e in led}
+    assert starts <= ends
+
+
 def test_what_an_effect_explains_is_a_line_of_slope_one(traced: Trace) -> None:
     assert traced.evidence is not None
     effect = traced.evidence.effects[0]
@@ -240,6 +273,35 @@ def test_what_an_effect_explains_is_a_line_of_slope_one(traced: Trace) -> None:
     # The sum of squares that the effect explains is its rise of χ², to first order.
     assert slope == pytest.approx(1.0, abs=0.02)
     assert traced.steps[0].chi2_rise == pytest.approx(x @ x, rel=0.05)
+
+
+@pytest.mark.parametrize(("target", "part"), [(1e-9, False), (1e9, False), (None, True)])
+def test_a_line_of_the_target_is_told_where_it_is_drawn(
+    traced: Trace, target: float | None, *, part: bool
+) -> None:
+    assert traced.evidence is not None
+    cells = [cell[2] for one in traced.evidence.workspace for cell in one.cells]
+    figure = workspace_figure(traced, traced.evidence, target or float(np.median(cells)))
+    assert figure is not None
+    assert ("contour" in figure.draw(svg.WIDE)) == part
+    assert ("The line" in figure.caption) == part
+
+
+def test_a_page_calls_parts_of_each_chain_by_words(traced: Trace) -> None:
+    """As the result calls them: `each/4`, `each.2`."""
+    coded = {h.target for h in traced.could_hide if re.match(r"each[./]", h.target)}
+    assert coded
+    page = traced.report()
+    hide = page[page.index("<h2>What could hide</h2>") :]
+    first = page[: page.index("<h2>What is left, pose by pose</h2>")]
+    for said in (hide, re.sub(r"(?s)<svg.*?</svg>|<script.*?</script>", "", first)):
+        assert not re.search(r"each[./]\d", said)
+        assert "of each chain" in said
+    assert target_words("sensor", "each.2") != target_words("closure", "each.2")
+
+
+def test_degrees_of_freedom_are_whole_where_they_are() -> None:
+    assert [count_words(dof) for dof in (74.0, 1250.0, 74.25, None)] == ["74", "1250", "74.2", "–"]
 
 
 def test_the_winner_of_the_scores_is_what_was_named(traced: Trace) -> None:

@@ -28,6 +28,7 @@ from rsicalib.report.figure import Figure
 from rsicalib.report.page import document, pictures, section, table
 from rsicalib.report.svg import Canvas, Chart
 from rsicalib.report.words import name_of, number, plus_minus
+from rsicalib.units import axis_words
 
 __all__ = ["page"]
 
@@ -54,6 +55,8 @@ def page(
     at: Path | None = None,
     shifts: Sequence[Mapping[str, Any]] = (),
     reports: Mapping[str, str] | None = None,
+    *,
+    misfit: bool = False,
 ) -> str:
     """Write the page as one HTML file that needs no network.
 
@@ -77,6 +80,8 @@ def page(
         How far parameters are from the drawing, and how much they differ, as `first_line` tells.
     reports : mapping of str to str, optional
         Of some devices the report, from the folder of the page.
+    misfit : bool
+        Whether the devices together do not fit, or not the drawing: no page of a good fleet.
 
     Returns
     -------
@@ -85,7 +90,7 @@ def page(
     """
     devices = list(dict.fromkeys(str(remark.device) for remark in out))
     listed = set(devices[:LISTED])
-    good = "bad" if devices else "good"
+    good = "bad" if devices or misfit else "good"
     count = len(rows[by])
     sentence = f"{len(devices) or 'None'} of {count} devices stand{'s' * (len(devices) < 2)} out."
     parts = [
@@ -96,8 +101,8 @@ def page(
         section("All at a glance", pictures([map_figure(spread, rows, by), _fits(rows)])),
         _remarks(out, _found(rows, by, listed), _files(rows, by, listed), at, reports or {}),
         _effects(rows),
-        _parameters(spread, rows, by),
-        _differ(shifts),
+        _parameters(spread, rows, by, mechanism),
+        _differ(shifts, mechanism),
         f'<p class="faint">rsicalib {escape(_core.__version__)}; every number is in '
         "<code>fleet.parquet</code>.</p>",
     ]
@@ -239,11 +244,25 @@ def _fits(rows: Mapping[str, Sequence[Any]]) -> Figure | None:
     return Figure("fits", draw, words)
 
 
-def _differ(shifts: Sequence[Mapping[str, Any]]) -> str:
+def _with_unit(parameter: str, mechanism: Mechanism) -> str:
+    """A parameter and its unit, where there is one: `gain@a11 [rad/count]`."""
+    term, _, target = parameter.partition("@")
+    of, _, name = target.rpartition(".")
+    for place, own in ((target, term), (of, name)):
+        try:
+            (units,) = _core.units_of(mechanism, [((term, place, None), own)])
+        except ValueError:  # it has no such parameter
+            continue
+        return axis_words(parameter, units[0]) if len(set(units)) == 1 else parameter
+    return parameter
+
+
+def _differ(shifts: Sequence[Mapping[str, Any]], mechanism: Mechanism) -> str:
     """How much devices, or what is above them, differ beside the errors of their estimates."""
     if not shifts:
         return ""
-    heads, listed = _of_levels(shifts) if "levels" in shifts[0] else _of_devices(shifts)
+    named = [{**s, "parameter": _with_unit(s["parameter"], mechanism)} for s in shifts]
+    heads, listed = _of_levels(named) if "levels" in named[0] else _of_devices(named)
     words = "differences over the fleet"
     return section("How much devices differ", table(heads, listed, 1, words, wide=True))
 
@@ -290,14 +309,17 @@ def _ends(ends: Sequence[float | None] | None) -> str:
     return f"{number(low or 0.0)} … {'unknown' if high is None else number(high)}"
 
 
-def _parameters(spread: Sequence[Spread], rows: Mapping[str, Sequence[Any]], by: str) -> str:
+def _parameters(
+    spread: Sequence[Spread], rows: Mapping[str, Sequence[Any]], by: str, mechanism: Mechanism
+) -> str:
     if not spread:
         return ""
     listed, labels = [], rows[by]
     for one in spread:
         furthest, far = one.furthest
         numbers = (plus_minus(one.median, one.within)[0], *map(number, (one.between, one.within)))
-        listed.append((one.name, *numbers, f"{labels[furthest]} ({far:.1f} sd)"))
+        name = _with_unit(one.name, mechanism)
+        listed.append((name, *numbers, f"{labels[furthest]} ({far:.1f} sd)"))
     heads = ("parameter", "median", "sd between devices", "sd of one device", "furthest")
     words = "parameters over the fleet"
     return section("Parameters over the fleet", table(heads, listed, 1, words, wide=True))

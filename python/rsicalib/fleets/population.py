@@ -250,6 +250,13 @@ def _value_drawn(name: str, mechanism: Mechanism) -> float:
     return 0.0
 
 
+def is_misfit(first: Mapping[str, Any], found: Mapping[str, Any] | None) -> bool:
+    """Whether the devices together do not fit, or not the drawing."""
+    summed = first["summed"]
+    unlike = summed is not None and summed["p_value"] < LEVEL
+    return unlike or (found is not None and bool(found["design"]))
+
+
 def sentences(first: Mapping[str, Any], found: Mapping[str, Any] | None) -> list[str]:
     """The first line in words: what the fleet has in common."""
     lines = []

@@ -19,7 +19,7 @@ from rsicalib.fleets.engines import Job, Part, Task, over_dask, over_threads
 from rsicalib.fleets.frames import Rows
 from rsicalib.fleets.levels import Levels, beside
 from rsicalib.fleets.page import page
-from rsicalib.fleets.population import first_line, joint, sentences, tolerances_of
+from rsicalib.fleets.population import first_line, is_misfit, joint, sentences, tolerances_of
 from rsicalib.fleets.reports import write_reports
 from rsicalib.fleets.standing_out import remarks, spreads
 from rsicalib.fleets.store import Store
@@ -258,7 +258,10 @@ def fleet(
     links = write_reports(
         source.partitions(PARTITION), wanted, store.folder, job.mechanism, used, reported
     )
-    html = page(table, by, job.mechanism, spread, out_of, said, Path(out), first["shifts"], links)
+    html = page(
+        table, by, job.mechanism, spread, out_of, said, Path(out), first["shifts"], links,
+        misfit=is_misfit(first, found),
+    )  # fmt: skip
     written = (store.folder / link for link in links.values())
     return Fleet(table, by, (*store.write_page(html), *files, *written), first, found)
 

@@ -239,13 +239,18 @@ def scores_figure(scores: Sequence[Score], name: str) -> Figure | None:
         canvas.text(left, y, f"{others} others score less", kind="label")
         return canvas.svg("scores of all candidates")
 
-    return Figure(
-        name,
-        draw,
+    caption = (
         "By how much χ² would fall with each candidate, less the charge for its parameters and for "
-        f"the places looked at; {len(scores)} were tried. Strong bars are what was named and what "
-        "cannot be told from it: the shorter the others, the surer the name.",
+        f"the places looked at; {len(scores)} were tried. "
     )
+    if any(score.chosen for score in scores):
+        caption += (
+            "Strong bars are what was named and what cannot be told from it: the shorter the "
+            "others, the surer the name."
+        )
+    else:
+        caption += "None was named."
+    return Figure(name, draw, caption)
 
 
 def _short(score: Score, width: float) -> str:

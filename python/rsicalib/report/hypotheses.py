@@ -16,6 +16,7 @@ from rsicalib.report.effects import effect_key
 from rsicalib.report.residuals import Dots
 from rsicalib.report.scene import Scene
 from rsicalib.report.words import (
+    count_words,
     listed_words,
     number,
     percent,
@@ -51,7 +52,7 @@ def fit_data(fit: SwitchFit, parameters: Sequence[ParameterName], dots: Dots) ->
     rows = dots.blocks(residuals_of(fit, len(dots.equations)))
     return {
         "error": [
-            f"{number(fit.chi2)} / {number(fit.dof)}",
+            f"{number(fit.chi2)} / {count_words(fit.dof)}",
             probability(fit.p_value),
             number(fit.rms_misclosure),
         ],
@@ -143,7 +144,15 @@ def choices_html(evidence: Evidence, rivals: Sequence[Rival]) -> str:
         )
     if not rows:
         return ""
-    return f'<fieldset id="hypotheses"><legend>What is it?</legend>{"".join(rows)}</fieldset>'
+    others = [r for r in rivals if not any(is_same(one, r) for one in evidence.hypotheses)]
+    named = [
+        f"{listed_words([subject(name) for name in r.terms])} ({percent(r.probability)})"
+        for r in others
+        if r.terms
+    ]
+    note = f'<p class="faint">Not drawn: {escape("; ".join(named))}.</p>' if named else ""
+    choices = f'<fieldset id="hypotheses"><legend>What is it?</legend>{"".join(rows)}</fieldset>'
+    return choices + note
 
 
 def fader_html(evidence: Evidence) -> str:

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from rsicalib.arrays import FloatArray
-from rsicalib.facts.shapes import Evidence, ResultShape
+from rsicalib.facts.shapes import Evidence, ResultShape, TraceShape
 from rsicalib.report.figure import Figure, data_element
 from rsicalib.report.residuals import Dots
 from rsicalib.report.scene import ABOVE, VIEW, Scene, rounded, scene_of, seen
@@ -170,9 +170,13 @@ def _joints(canvas: Canvas, scene: Scene, body: FloatArray) -> None:
 def _beside(
     width: float, at: FloatArray, long: float, taken: list[tuple[float, float, float]]
 ) -> tuple[float, float, bool]:
-    """Where a name stands: on the outer side of what it names, below names that are there."""
+    """Where a name stands: on the outer side of what it names, where it has no room there above it
+    on the inner side; below names that are there.
+    """
     x, y = float(at[0]), float(at[1]) + 4.0
-    right = x + 10.0 + long < width if x > width / 2 else x - 10.0 - long < 0.0
+    fits = x + 10.0 + long < width if x > width / 2 else x - 10.0 - long >= 0.0
+    right = fits == (x > width / 2)
+    y -= 0.0 if fits else LINE
     low = x + 10.0 if right else x - 10.0 - long
     for start, end, other in sorted(taken, key=lambda box: box[2]):
         if low < end and start < low + long and abs(y - other) < LINE:
@@ -211,8 +215,9 @@ def _legend(canvas: Canvas, scene: Scene, largest: float, scale: float, unit: st
     """What lines and dots are, and two scales: of the mechanism, and of its errors."""
     wide = canvas.width == WIDE
     entries = [("arrow before", "error before")] if scene.before.any() else []
-    entries += [("weak", "1 sd after")] if scene.sd.any() else []
-    entries += [("arrow after", "error after"), ("check", "check pose")] * bool(len(scene.known))
+    after = " after" * scene.found  # nothing has changed else
+    entries += [("weak", f"1 sd{after}")] if scene.sd.any() else []
+    entries += [("arrow after", f"error{after}"), ("check", "check pose")] * bool(len(scene.known))
     across = len(entries) if wide else 2
     step = (canvas.width - 12.0) / max(across, 1)
     base = canvas.height - 46.0 - (0.0 if wide or len(entries) < 3 else 18.0)
@@ -259,8 +264,10 @@ def _caption(result: ResultShape, scene: Scene) -> str:
             f"along the worst direction: up to {worst} {unit}. "
         )
     if len(scene.known):
-        both = "before and after" if scene.found else "after"
-        out += f"Rings are check poses, with their measured error {both}. "
+        both = " before and after" * scene.found
+        out += f"Rings are check poses, with their measured error{both}. "
+    if isinstance(result, TraceShape) and not all(step.applied for step in result.steps):
+        out += "After is with what was found, which is not applied to positions. "
     if not scene.found and scene.apart.any():
         worst = number(float(np.linalg.norm(scene.apart, axis=1).max()), 2)
         out += f"As it is declared, positions would be off by up to {worst} {unit}. "

@@ -21,11 +21,13 @@ from rsicalib.report.residuals import Dots, dots_of, normal_figure, residual_fig
 from rsicalib.report.scene import scene_of
 from rsicalib.report.switches import switchboard_html
 from rsicalib.report.words import (
+    OPEN,
     advice,
     between_words,
     comparison,
     elsewhere_words,
     excluded_words,
+    judged_words,
     labelled,
     law_words,
     name_of,
@@ -34,16 +36,20 @@ from rsicalib.report.words import (
     number,
     p_is,
     parameter_name,
+    place_words,
     plus_minus,
+    quality,
     sentence,
     size_words,
     subject,
+    target_words,
     with_bounds,
 )
 from rsicalib.report.workspace import workspace_figure
 from rsicalib.units import with_unit
 
 __all__ = [
+    "FEW",
     "document",
     "figures",
     "html",
@@ -250,14 +256,14 @@ def _folded(title: str, *parts: str) -> str:
     return f"<details><summary>{escape(title)}</summary>\n{inner}</details>" if inner else ""
 
 
-def _said_first(result: ResultShape, evidence: Evidence | None) -> str:
+def _said_first(result: ResultShape, evidence: Evidence | None, experts: str = "") -> str:
     """What is the matter, in words for people and for experts, and how sure that is."""
     good = "good" if EXIT_CODES[result.verdict] == 0 else "bad"
     parts = [
         f"<h1>{escape(_whose(result))}</h1>",
         f'<p class="verdict {good}">{whole(escape(plain_words(result, evidence)))}</p>',
         certainty_html(result, evidence),
-        f'<p class="experts">{whole(escape(sentence(result)))}</p>',
+        f'<p class="experts">{whole(escape(experts or sentence(result)))}</p>',
         f"<p>{escape(result.note)}</p>" if result.note else "",
     ]
     return "\n".join(parts)
@@ -270,8 +276,11 @@ def _next(result: ResultShape) -> str:
 
 def _garbage(result: ResultShape) -> str:
     """The first screen of readings that are not of this mechanism: why, and nothing else."""
+    steps = result.steps if isinstance(result, TraceShape) else ()
+    # The list beside it says why.
+    experts = "" if steps else f"Implausible: {judged_words(quality(result))}."
     return (
-        f'<header class="first"><div class="said">{_said_first(result, None)}</div>\n'
+        f'<header class="first"><div class="said">{_said_first(result, None, experts)}</div>\n'
         f'<div class="hero">{_why_garbage(result)}\n{_next(result)}</div></header>'
     )
 
@@ -378,10 +387,14 @@ def _errors(result: ResultShape) -> tuple[str, str]:
     title = "Error before and after"
     if not rows:
         return title, ""
+    kept = ""
+    if isinstance(result, TraceShape) and not all(step.applied for step in result.steps):
+        words = "What was found is not applied to positions: check poses err as they did before."
+        kept = f'\n<p class="faint">{words}</p>' * any(row.at for row in rows)
     if all(row.before is None for row in rows):
         alone = [row.cells[::2] for row in rows]
         return "Error", table(["", "calibrated"], alone, words="error")
-    return title, table(["", *heads], [row.cells for row in rows], words=title.lower())
+    return title, table(["", *heads], [row.cells for row in rows], words=title.lower()) + kept
 
 
 def _effects(result: TraceShape, evidence: Evidence | None) -> list[Figure | None]:
@@ -406,7 +419,9 @@ def _found(result: TraceShape, evidence: Evidence | None) -> str:
     if result.unexplained is not None:
         left = result.unexplained
         p = "" if left.p_value is None else f" ({p_is(left.p_value)})"
-        parts.append(_said(f"Left over: {left.text}{p}."))
+        told = f"What is left{place_words(result)} is described under “What to do next”"
+        said = told if result.verdict in OPEN else _capital(left.text).rstrip(".")
+        parts.append(_said(f"{said}{p}."))
     if evidence is not None and not result.steps:
         parts.append(pictures([scores_figure(evidence.left, "left-scores")]))
     return section("What was found", *parts)
@@ -559,7 +574,7 @@ def _hidden(result: TraceShape) -> str:
         cost = ("–", "–") if rms is None else (number(rms.position, 2), number(rms.orientation, 2))
         size = with_unit(number(h.detectable, 2), h.unit)
         size = "not seen at any size" if h.detectable is None else size
-        target = labelled(h.target, h.label)
+        target = labelled(target_words("", h.target), h.label)
         target = target if h.place is None else f"{target} at {h.place}"
         rows.append((name_of(h.term), target, size, *cost[: 2 * placed]))
     heads = ["effect", "target", "seen from"]
@@ -578,10 +593,10 @@ def _warnings(result: ResultShape) -> str:
 
 def _about(result: ResultShape) -> str:
     starts = len(result.starts)
+    begun = f"{counted(starts, 'start')}; " * bool(starts)
     items = [
         f"rsicalib {result.version}, method {result.method}",
-        f"condition number {number(result.condition)}; {starts} start{'s' * (starts != 1)}; "
-        f"{result.termination}",
+        f"condition number {number(result.condition)}; {begun}{result.termination}",
     ]
     if result.noise is not None and result.noise.correlation is not None:
         items.append(f"correlation of neighbouring samples {number(result.noise.correlation, 2)}")

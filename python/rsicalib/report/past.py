@@ -13,9 +13,10 @@ import numpy as np
 from rsicalib import _core
 from rsicalib.facts.estimates import parameter_key
 from rsicalib.facts.records import Record, to_json
+from rsicalib.plain_text import counted
 from rsicalib.plots import intervals, on_axes
 from rsicalib.report.figure import Figure
-from rsicalib.report.page import document, pictures, section, table
+from rsicalib.report.page import FEW, document, listed, pictures, section, table
 from rsicalib.report.residuals import FAR
 from rsicalib.report.svg import LETTER, WIDE, Axis, Canvas, Chart, bounds
 from rsicalib.report.words import number, p_is, plus_minus
@@ -299,6 +300,8 @@ def scatter_words(one: Series) -> str:
 def forecast_words(forecast: Forecast, unit: str) -> str:
     """When the error of the platform will exceed the target, as a sentence."""
     text = f"platform error now {number(forecast.now)} {unit}, "
+    if forecast.now > forecast.target:
+        return f"{text}above the target of {number(forecast.target)} {unit} already"
     if forecast.day is None:
         text += f"not likely above {number(forecast.target)} {unit} within ten years"
     else:
@@ -319,23 +322,33 @@ def page(history: History) -> str:
     if drifts or events:
         still = "" if drifts else "Nothing drifts beyond chance."
     verdict = f"{words}. " + (f"Drifting: {drifting}." if drifts else still)
-    mood = "bad" if drifts or events else "good"
+    late = history.forecast is not None and history.forecast.now > history.forecast.target
+    scattered = [scatter_words(one) for one in history.parameters if one.scatter]
+    if scattered:
+        verdict += f" From session to session {counted(len(scattered), 'parameter')} scattered."
+    mood = "bad" if drifts or events or scattered or late else "good"
     parts = [
         "<h1>History of a calibration</h1>",
         f'<p class="verdict {mood}">{escape(verdict)}</p>',
     ]
-    told = [*events, *(scatter_words(one) for one in history.parameters if one.scatter)]
-    parts += [f"<p>{escape(line[0].upper() + line[1:])}.</p>" for line in told]
     if history.forecast is not None:
         forecast = forecast_words(history.forecast, history.length_unit)
         parts.append(f"<p>{escape(forecast[0].upper() + forecast[1:])}.</p>")
+    for many, told in (("jumps", events), ("parameters that scatter", scattered)):
+        said = listed(f"{line[0].upper()}{line[1:]}." for line in told)
+        if len(told) > FEW:
+            said = f"<details><summary>{len(told)} {many}</summary>\n{said}</details>"
+        parts.append(said)
     parts.append(section("Over time", _sparklines(history)))
     rows = [
         (one.valid_from, one.verdict, ", ".join(one.found), one.note or "", one.file)
         for one in history.results
     ]
-    heads = ("date", "verdict", "found", "note", "file")
-    parts.append(section("Results", table(heads, rows, text=5)))
+    names = ("date", "verdict", "found", "note", "file")
+    used = [k for k in range(len(names)) if any(row[k] for row in rows)]
+    heads = [names[k] for k in used]
+    filled = [[row[k] for k in used] for row in rows]
+    parts.append(section("Results", table(heads, filled, text=len(heads))))
     columns = ("parameter", "last", "± 95 %", "per year", "± 95 %", "", "unit")
     cells = [(*(c.strip() for c in _cells(s)), p_is(s.p_value), s.unit) for s in history.parameters]
     parts.append(section("Parameters", table(columns, cells)))
@@ -400,9 +413,12 @@ def _sparklines(history: History) -> str:
 
     caption = (
         "Each row is a parameter in standard deviations of one of its estimates from its median; "
-        "the band is ± 2. A red line is a jump. Rings below have a note, or an effect that was "
-        "found: point at them."
+        f"the band is ± 2, dots beyond {FAR:g} are red."
     )
+    if any(one.jumps for one in shown):
+        caption += " A red line is a jump."
+    if any(past.note or past.found for past in history.results):
+        caption += " Rings below have a note, or an effect that was found: point at them."
     return pictures([Figure("sparklines", draw, caption)])
 
 

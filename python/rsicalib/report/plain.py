@@ -104,7 +104,13 @@ def _kind(step: Step) -> str:
     """The class of an effect, and of how many sensors it is."""
     if step.klass != "sensor":
         return step.klass
-    return "each sensor" if step.target == "each" else "sensors" if "+" in step.target else "sensor"
+    several = "+" in step.target or step.target.startswith("each.")
+    return "each sensor" if step.target == "each" else "sensors" if several else "sensor"
+
+
+def _is_several(step: Step) -> bool:
+    """Whether an effect is of several sensors or parts, alike."""
+    return _kind(step) in ("sensors", "each sensor") or step.target.startswith("each")
 
 
 def _found(result: TraceShape, step: Step) -> str:
@@ -126,7 +132,7 @@ def _sure(result: TraceShape, step: Step) -> str:
     what = _what(step, list(dict.fromkeys(terms)))
     if not rivals:
         return what
-    thing = THIS.get(_kind(step), "this part")
+    thing = THIS.get(_kind(step), "these parts" if _is_several(step) else "this part")
     here = sum(r.probability for r in rivals if any(n.target == step.target for n in r.terms))
     twins = [subject(n) for n in step.also_fits if n.target != step.target]
     if twins:
@@ -144,8 +150,7 @@ def _what(step: Step, terms: list[str]) -> str:
     size = value_words(step.parameters[0]) if step.parameters else ""
     one = len(terms) == 1 and len(step.parameters) == 1
     if one and step.term not in SHAPES and step.klass in ("sensor", "geometry"):
-        several = _kind(step) in ("sensors", "each sensor") or step.target.startswith("each")
-        return f"{'Their' if several else 'Its'} {shapes[0]} is off by {size}."
+        return f"{'Their' if _is_several(step) else 'Its'} {shapes[0]} is off by {size}."
     error = "It" if step.klass != "sensor" else "The error"
     if len(terms) > 1:
         return f"{error} may be {_either(shapes[:4])}."

@@ -188,12 +188,15 @@ def draw_residuals(
 
 
 def _label(chart: Chart, rows: FloatArray, far: dict[tuple[int, int], str], bound: float) -> None:
-    """Write what the worst dots are, where fewest others lie, never over one another."""
+    """Write what the worst dots are, where fewest others lie: never over one another, nor below the
+    axis; a thin line leads to a dot that its label does not stand beside.
+    """
     taken: list[tuple[float, float, float]] = []
     width = chart.canvas.width
-    inside = np.clip(np.nan_to_num(rows), -bound, bound).tolist()
-    dots = [chart.at((pose + 1, value)) for pose, row in enumerate(inside) for value in row]
+    clipped = np.clip(np.nan_to_num(rows), -bound, bound).tolist()
+    dots = [chart.at((pose + 1, value)) for pose, row in enumerate(clipped) for value in row]
     across, up = np.array(dots).T
+    named = [pose * rows.shape[1] + e for pose, e in far]
     for (pose, e), words in far.items():
         value = float(rows[pose][e])
         x, y = chart.at((pose + 1, min(max(value, -bound), bound)))
@@ -204,12 +207,16 @@ def _label(chart: Chart, rows: FloatArray, far: dict[tuple[int, int], str], boun
             for low in (x + 6.0, x - 6.0 - long):
                 at, high = y + step, low + long
                 free = all(abs(at - v) >= LINE or high < a or low > b for a, b, v in taken)
-                if free and low >= chart.x.start and high <= width and chart.y.end - 8.0 <= at:
+                inside = chart.y.end - 8.0 <= at <= chart.y.start - 4.0
+                if free and inside and low >= chart.x.start and high <= width:
                     under = (abs(up - at) < LINE / 2) & (across > low - 3.0) & (across < high + 3.0)
-                    found.append((int(under.sum()) + abs(step) / LINE, low, at))
+                    hides = bool(under[named].any())
+                    found.append((hides, int(under.sum()) + abs(step) / LINE, low, at))
         if found:
-            _, low, at = min(found)
+            *_, low, at = min(found)
             taken.append((low, low + long, at))
+            if at != y:
+                chart.canvas.line(x, y, low if low > x else low + long, at, "leader")
             chart.canvas.text(low, at + 4.0, words, kind="culprit")
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray
 from rsicalib.facts.shapes import Drawing, Evidence, ResultShape, Slice, TraceShape
-from rsicalib.report.words import subject, target_words
+from rsicalib.report.words import listed_words, subject, target_words
 from rsicalib.report.workspace import Shades
 
 __all__ = ["Cells", "Scene", "rounded", "scene_of", "seen"]
@@ -362,7 +362,7 @@ def _faults(result: ResultShape, drawing: Drawing) -> Faults:
     if isinstance(result, TraceShape):
         found += [(subject(step), step.target) for step in result.steps]
         left = None if result.unexplained is None else result.unexplained.target
-        found += [(f"what is left, at {left}", left)] if left not in (None, "all") else []
+        found += [(f"what is left at {left}", left)] if left not in (None, "all") else []
         names |= {target: target_words("", target) for _, target in found}
     nodes: dict[int, str] = {}
     edges: set[int] = set()
@@ -379,7 +379,7 @@ def _faults(result: ResultShape, drawing: Drawing) -> Faults:
                 first = (drawing.edges[k][0] for k in sorted(joined))
                 nodes.setdefault(max(first, key=lambda k: drawing.at[0][3 * k + 2]), names[target])
         words += [what] * bool(at)
-    return Faults(nodes, edges, ", ".join(words))
+    return Faults(nodes, edges, listed_words(words) if words else "")
 
 
 def _nodes_of(target: str, drawing: Drawing) -> set[int]:

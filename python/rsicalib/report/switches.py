@@ -115,7 +115,8 @@ def switchboard_html(
             at_least=min(1.1 * largest, WIDEST_SIGMA),
         ),
         "The residual of what is chosen: choose another hypothesis, take out an effect or take "
-        f"back a reading, and see where it grows (the largest of all is {number(largest)} σ).",
+        f"back a reading, and see where it grows (up to {number(largest)} σ in all that can be "
+        "chosen).",
     )
     means = (
         '<p class="faint">All are fits to the mean of the samples of each pose, whose misclosure '

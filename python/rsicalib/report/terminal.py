@@ -23,6 +23,7 @@ from rsicalib.report.words import (
     plus_minus,
     sentence,
     size_words,
+    target_words,
     with_bounds,
 )
 from rsicalib.units import axis_words, with_unit
@@ -198,7 +199,7 @@ def _columns(rows: Sequence[Sequence[str]], least: int, look: Look) -> list[str]
 def _found(result: TraceShape, look: Look) -> list[str]:
     lines: list[str] = []
     for step in result.steps if look.whole else result.steps[:4]:
-        where = labelled(step.target, step.label)
+        where = labelled(target_words("", step.target), step.label)
         line = f"  found     {name_of(step.term)} of {where}: {size_words(step)}"
         if step.platform_rms is not None:
             rms = step.platform_rms
@@ -209,7 +210,7 @@ def _found(result: TraceShape, look: Look) -> list[str]:
         if not step.applied:
             lines += _cut(f"            {not_applied(result)}", look)
         if step.also_fits:
-            names = [f"{name_of(n.term)} of {n.target}" for n in step.also_fits]
+            names = [f"{name_of(n.term)} of {target_words('', n.target)}" for n in step.also_fits]
             shown = names if look.whole else names[:3]
             more = "" if len(names) == len(shown) else f" and {len(names) - 3} more"
             lines += _cut(f"            fits as well: {', '.join(shown)}{more}", look)
@@ -242,7 +243,8 @@ def _left(result: TraceShape, look: Look) -> list[str]:
         size = f" up to {with_unit(number(hidden.detectable, 2), hidden.unit)}"
         if hidden.detectable is None:
             size = ", of any size: these poses do not show it"
-        name = f"{name_of(hidden.term)} of {labelled(hidden.target, hidden.label)}"
+        where = labelled(target_words("", hidden.target), hidden.label)
+        name = f"{name_of(hidden.term)} of {where}"
         lines += _cut(f"  may hide  {name}{size}{cost}", look)
     return ["", *lines] if lines else []
 

@@ -87,15 +87,17 @@
     if (scene.cells) cells(svg, flat);
   };
 
-  // Names stand on the outer side of what they name, below names that are there.
+  // Names stand on the outer side of what they name, or above it on the inner side; below names
+  // that are there.
   const names = (svg, body, flat) => {
     const taken = [], { width } = svg.viewBox.baseVal;
     svg.querySelectorAll("text[data-n]").forEach((word) => {
       const [x, at] = flat(body[word.dataset.n]);
       const long = BOLD * word.textContent.length;
-      const right = x > width / 2 ? x + 10 + long < width : x - 10 - long < 0;
+      const fits = x > width / 2 ? x + 10 + long < width : x - 10 - long >= 0;
+      const right = fits === x > width / 2;
       const low = right ? x + 10 : x - 10 - long;
-      let y = at + 4;
+      let y = at + 4 - (fits ? 0 : LINE);
       taken.sort((a, b) => a[2] - b[2]).forEach(([start, end, other]) => {
         if (low < end && start < low + long && Math.abs(y - other) < LINE) y = other + LINE;
       });

@@ -24,12 +24,15 @@ from rsicalib.units import in_thousandths, with_unit
 
 __all__ = [
     "NO_TERM",
+    "OPEN",
     "ErrorRow",
     "advice",
     "between_words",
     "comparison",
+    "count_words",
     "elsewhere_words",
     "excluded_words",
+    "judged_words",
     "labelled",
     "law_words",
     "listed_words",
@@ -40,6 +43,7 @@ __all__ = [
     "number",
     "parameter_name",
     "percent",
+    "place_words",
     "plus_minus",
     "predicted_words",
     "quality",
@@ -53,6 +57,9 @@ __all__ = [
 
 NO_TERM = {"unknown_law": "a law that no term has", "unknown_noise": "errors that follow no law"}
 """Ids of what may explain a session and is no term, in words."""
+
+OPEN = ("unexplained", "partly_explained")
+"""Verdicts whose advice describes what is left."""
 
 NO_HELP = "nothing shows that it holds at other places"
 LESS_LIKELY = "a law that no term has is likelier in its place"
@@ -75,6 +82,12 @@ def number(value: float | None, digits: int = 3) -> str:
     if 1e-3 <= abs(value) < 1e6:
         return f"{value:.{max(0, digits - 1 - math.floor(math.log10(abs(value))))}f}"
     return f"{value:.{digits - 1}e}"
+
+
+def count_words(value: float | None) -> str:
+    """Degrees of freedom: a whole number is written as one."""
+    whole = value is not None and math.isfinite(value) and value == round(value)
+    return f"{value:.0f}" if whole else number(value)
 
 
 def plus_minus(value: float | None, half: float | None) -> tuple[str, str]:
@@ -136,6 +149,9 @@ def target_words(klass: str, target: str) -> str:
         return f"sensors {listed_words(target.split('+'))}"
     if target.startswith("each/"):
         return f"row {target.removeprefix('each/')} of each chain"
+    if target.startswith("each."):
+        number_of = target.removeprefix("each.")
+        return f"{'sensors at ' * (klass == 'sensor')}joint {number_of} of each chain"
     return WORDS.get(klass, "{target}").format(target=target)
 
 
@@ -163,11 +179,12 @@ def place_words(result: TraceShape) -> str:
     return "" if target in (None, "all") else f" at {target}"
 
 
-def _judged(fit: FitQuality) -> str:
+def judged_words(fit: FitQuality) -> str:
+    """How well a fit is judged to be: χ², and what chance gives."""
     if fit.p_value is None:
         return "lack of fit cannot be judged"
     p = p_is(fit.p_value)
-    return f"χ² {number(fit.chi2)} for {number(fit.dof)} degrees of freedom, {p}"
+    return f"χ² {number(fit.chi2)} for {count_words(fit.dof)} degrees of freedom, {p}"
 
 
 def probability(p: float | None) -> str:
@@ -229,7 +246,7 @@ def _carried(result: ResultShape) -> str:
 def sentence(result: ResultShape) -> str:
     """The verdict."""
     fit = quality(result)
-    judged = _judged(fit)
+    judged = judged_words(fit)
     if result.verdict == "undetermined":
         why = _lack(result)
         left = "" if fit.p_value is None else f" What is left: {judged}."
@@ -240,7 +257,7 @@ def sentence(result: ResultShape) -> str:
         return f"Implausible{_found(result)}: {why} ({judged})."
     against = _elsewhere(result)
     if result.verdict == "unexplained" and against and against[0] == result.reasons[0]:
-        return f"Contradicted: {reason_words(result, against[0])} ({judged})."
+        return f"Contradicted: {reason_words(result, against[0])}. What is left: {judged}."
     if isinstance(result, CalibrationShape) and result.method == "fixture":
         return "Calibrated open loop, from known poses: a straight line for each channel."
     if result.verdict == "unjudged":
@@ -369,7 +386,7 @@ def comparison(result: ResultShape) -> tuple[tuple[str, str], list[ErrorRow]]:
         return of(before), of(after)
 
     def ratio(fit: FitQuality) -> str | None:
-        return None if fit.chi2 is None else f"{number(fit.chi2)} / {number(fit.dof)}"
+        return None if fit.chi2 is None else f"{number(fit.chi2)} / {count_words(fit.dof)}"
 
     def chance(fit: FitQuality) -> str | None:
         return None if fit.p_value is None else probability(fit.p_value)
@@ -667,14 +684,14 @@ def _next_measurement(result: TraceShape) -> list[str]:
             f"To tell {name_of(step.term)} of {listed_words(sensors)} from "
             f"{listed_words(others[:3])}: {how}."
         )
-    if result.verdict in ("unexplained", "partly_explained") and result.unexplained is not None:
+    if result.verdict in OPEN and result.unexplained is not None:
         out.append(f"What is left: {result.unexplained.text}")
     costs = [(h.platform_rms.position or 0.0, h) for h in result.could_hide if h.platform_rms]
     if costs:
         cost, worst = max(costs, key=lambda pair: pair[0])
+        what = f"{name_of(worst.term)} of {target_words('', worst.target)}"
         out.append(
-            f"What could still hide costs up to {number(cost, 2)} {result.length_unit} "
-            f"({name_of(worst.term)} of {worst.target}): poses at the edges of the workspace show "
-            "it best."
+            f"What could still hide costs up to {number(cost, 2)} {result.length_unit} ({what}): "
+            "poses at the edges of the workspace show it best."
         )
     return out

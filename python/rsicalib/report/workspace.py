@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from rsicalib.facts.shapes import Evidence, ResultShape, Slice, Weakest
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import LETTER, WIDE, Canvas, Chart
-from rsicalib.report.words import listed_words, number, parameter_name
+from rsicalib.report.words import listed_words, number, parameter_name, percent, target_words
 
 __all__ = ["Shades", "workspace_figure"]
 
@@ -110,15 +110,19 @@ def workspace_figure(
     )
     if target is not None:
         share = sum(value <= target for value in values) / len(values)
-        caption += (
-            f"The line bounds where it is within the target of {number(target)} {unit}: "
-            f"{100.0 * share:.0f} % of what is drawn. "
-        )
+        caption += _target_words(share, f"the target of {number(target)} {unit}")
     if evidence.weakest is not None:
         caption += _weakest_words(evidence.weakest, unit)
     if result.unobservable:
         caption += " What the readings do not determine at all is not in it."
     return Figure("workspace", draw, caption.strip())
+
+
+def _target_words(share: float, target: str) -> str:
+    """How much of what is drawn is within the target; a line is drawn where it is a part."""
+    if share in (0.0, 1.0):
+        return f"{'All' if share else 'Nothing'} of what is drawn is within {target}. "
+    return f"The line bounds where it is within {target}: {percent(share)} of what is drawn. "
 
 
 def _scale(canvas: Canvas, shades: Shades, first: int, last: int, unit: str) -> None:
@@ -169,11 +173,11 @@ def _weakest_words(weakest: Weakest, unit: str) -> str:
     size = math.hypot(*weakest.along)
     along = ", ".join(f"{v / size:z.1f}" for v in weakest.along)
     p = weakest.parameter
-    name = parameter_name(p.term, p.name)
+    what = f"{parameter_name(p.term, p.name)} of {target_words('', p.target)}"
     of = "" if weakest.of is None else f"{weakest.of} "
     return (
         f"Least known is {of}at ({place}), by {number(size, 2)} {unit} along ({along}): an error "
-        f"there goes with {name} of {p.target} (correlation {weakest.correlation:.2f})."
+        f"there goes with {what} (correlation {weakest.correlation:.2f})."
     )
 
 
