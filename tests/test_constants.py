@@ -1,4 +1,4 @@
-"""Stated constants: each stands in the table of `docs/search.md`, and can be changed by its name."""
+"""Stated constants: each stands in the table of `docs/search.md`, and half of it is another."""
 
 from __future__ import annotations
 

@@ -21,6 +21,7 @@ from scripts import (
     public_names,
 )
 from tests import commands
+from tests.constants import constants
 
 ROOT = Path(__file__).parents[1]
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
@@ -73,11 +74,12 @@ def test_claims_of_the_search_are_among_them() -> None:
 def test_the_constants_of_the_search_are_those_of_the_code() -> None:
     source = "".join(path.read_text("utf-8") for path in ROOT.glob("crates/rsicalib/src/**/*.rs"))
     code = re.findall(r"^ *(?:pub(?:\(\w+\))? )?const ([A-Z_]+): [^=]+= ([^;]+);", source, re.M)
+    code += [(constant.name, f"{constant.value:g}") for constant in constants()]
     page = (ROOT / "docs/search.md").read_text("utf-8")
     rows = re.findall(r"^\| ([^|]*) \| ([^|]*) \|", section(page, "constants-that-decide"), re.M)
     compared = 0
     for cell, value in rows:
-        names = re.findall(r"`([A-Z_]+)`", cell)
+        names = re.findall(r"`([A-Za-z_]+)`", cell)
         assert set(names) <= {name for name, _ in code}, cell
         if len(names) == 1 and re.fullmatch(r"[\d.]+", value):
             compared += 1
