@@ -7,9 +7,9 @@ use crate::diagnosis::location::Location;
 use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::diagnosis::search::rivals::Explanation;
+use crate::diagnosis::unknown_law::UnknownLaw;
 use crate::diagnosis::unknown_law::formula::Written;
 use crate::diagnosis::unknown_law::variables::Quantity;
-use crate::diagnosis::unknown_law::{DependsOn, UnknownLaw};
 use crate::estimate::degrees::degrees_in;
 use crate::estimate::directions::{Direction, Directions, Moves};
 use crate::estimate::intervals::LINEAR;
@@ -682,14 +682,14 @@ pub fn sentences(statements: &[String]) -> String {
 /// A law that no term has, and what it depends on.
 #[must_use]
 pub fn unknown_law(mechanism: &Mechanism, law: &UnknownLaw) -> String {
-    let one = |on: &DependsOn| -> String {
-        let names = std::iter::once(&on.variable).chain(on.also.iter().take(TOLD_APART));
-        names.map(String::as_str).collect::<Vec<_>>().join(" or ")
+    let one = |(variable, also): &(Quantity, Vec<Quantity>)| -> String {
+        let all = std::iter::once(variable).chain(also.iter().take(TOLD_APART));
+        all.map(|v| quantity(mechanism, *v)).collect::<Vec<_>>().join(" or ")
     };
-    let on: Vec<String> = law.depends_on.iter().map(one).collect();
+    let on: Vec<String> = law.variables.iter().map(one).collect();
     let name = law.target.name(mechanism);
     let next: Vec<String> =
-        law.variables.iter().map(|v| tells(mechanism, *v, law.target)).collect();
+        law.variables.iter().map(|(v, _)| tells(mechanism, *v, law.target)).collect();
     let how = match () {
         () if law.replaces.is_empty() => "may explain it",
         () if law.better() => "explains it better than what was found",
@@ -697,10 +697,10 @@ pub fn unknown_law(mechanism: &Mechanism, law: &UnknownLaw) -> String {
     };
     let formula = law.written.as_ref().map_or(String::new(), formula);
     format!(
-        "a law that no term has, of {name}, that depends on {}, {how}: an error of {:.1e} {} root \
+        "a law that no term has, of {name}, that depends on {}, {how}: an error of {} {} root \
          mean square{formula}. What would tell: {}",
         on.join(" and on "),
-        law.size,
+        significant(law.size, 2),
         mechanism.coordinate_unit(law.target),
         next.join("; ")
     )
@@ -735,6 +735,24 @@ pub fn as_term(law: &Law) -> String {
         sizes.join(", "),
         in_toml(law.correction.as_deref().unwrap_or_default())
     )
+}
+
+/// A variable in words.
+fn quantity(mechanism: &Mechanism, variable: Quantity) -> String {
+    let name = |c: usize| mechanism.channels[c].name.as_str();
+    match variable {
+        Quantity::Theta(c) => format!("where {} is", name(c)),
+        Quantity::Direction(c) => format!("the direction in which {} came", name(c)),
+        Quantity::Travelled(c) => format!("the path that {} has travelled", name(c)),
+        Quantity::SinceTurn(c) => format!("how far {} is from where it turned last", name(c)),
+        Quantity::Play(c) => format!("the last turns of {}", name(c)),
+        Quantity::Velocity(c) => format!("the velocity of {}", name(c)),
+        Quantity::SinceMove(c) => format!("the time since {} moved last", name(c)),
+        Quantity::Torque(c) => format!("the torque about {}", name(c)),
+        Quantity::Column(k) => mechanism.value_columns().swap_remove(k),
+        Quantity::Time => "time".into(),
+        Quantity::Temperature => "the temperature".into(),
+    }
 }
 
 /// What to record to see whether errors of a target depend on a variable.

@@ -50,8 +50,8 @@ pub struct UnknownLaw {
     pub size: f64,
     /// What it depends on.
     pub depends_on: Vec<DependsOn>,
-    /// The same variables.
-    pub(crate) variables: Vec<Quantity>,
+    /// The same variables, each with those that these data cannot tell from it.
+    pub(crate) variables: Vec<(Quantity, Vec<Quantity>)>,
     /// Its likeliest errors in the samples of the search, in the unit of readings; zero where one is
     /// left out.
     pub(crate) errors: Vec<f64>,
@@ -105,7 +105,7 @@ impl UnknownLaw {
         let play = |quantity: &Quantity| {
             effect.term.info().needs == Needs::Approach && matches!(quantity, Quantity::Play(_))
         };
-        let held = self.variables.iter().any(|q| is_over(effect, *q) || play(q));
+        let held = self.variables.iter().any(|(q, _)| is_over(effect, *q) || play(q));
         self.behind < 0.0 && self.replaces.contains(effect) && !held
     }
 }
@@ -189,7 +189,7 @@ impl Averaged<'_> {
             let scan = likeliest(&beside, &rows, &variables, &over, &self.data);
             let Some(scan) = scan else { continue };
             if best.as_ref().is_none_or(|b| scan.price < b.price) {
-                let on = depends_on(&self.small, &scan, &variables);
+                let on = depends_on(&scan, &variables);
                 let behind = scan.price - of_found;
                 // What is far less likely than what was found is not said.
                 let formula = || formula_of(&beside[0], &rows, &scan, &variables, &self.data);
@@ -207,8 +207,8 @@ impl Averaged<'_> {
                     left: beside[0].chi2 - scan.fall,
                     written,
                     errors,
-                    variables: on.iter().map(|one| one.0).collect(),
-                    depends_on: on.into_iter().map(|one| one.1).collect(),
+                    depends_on: on.iter().map(|on| on.named(&self.small)).collect(),
+                    variables: on.into_iter().map(|on| (on.quantity, on.also)).collect(),
                 });
             }
         }
@@ -343,15 +343,28 @@ fn sets(observations: &Observations, variables: &[Variable], channel: usize) -> 
     singles.chain(pairs.map(|(w, v)| vec![w, v])).collect()
 }
 
+/// [`DependsOn`], before its names.
+struct On {
+    quantity: Quantity,
+    share: f64,
+    also: Vec<Quantity>,
+}
+
+impl On {
+    fn named(&self, observations: &Observations) -> DependsOn {
+        let name = |quantity: &Quantity| quantity.name(observations);
+        DependsOn {
+            variable: name(&self.quantity),
+            share: self.share,
+            also: self.also.iter().map(name).collect(),
+        }
+    }
+}
+
 /// What the likeliest law of a channel depends on, and what cannot be told from it.
-fn depends_on(
-    observations: &Observations,
-    scan: &Scan,
-    variables: &[Variable],
-) -> Vec<(Quantity, DependsOn)> {
+fn depends_on(scan: &Scan, variables: &[Variable]) -> Vec<On> {
     let likeliest = scan.sets.iter().min_by(|a, b| a.1.price.total_cmp(&b.1.price));
     let Some((set, best)) = likeliest else { return Vec::new() };
-    let name = |v: usize| variables[v].quantity.name(observations);
     // What the law explains without a variable; where a term has that, it was offered to the search.
     let without = |v: usize| {
         let rest: Vec<usize> = set.iter().copied().filter(|&w| w != v).collect();
@@ -368,15 +381,16 @@ fn depends_on(
             .filter_map(|(s, e)| Some((e.price, *s.iter().find(|w| !set.contains(w))?)))
             .collect();
         others.sort_by(|a, b| a.0.total_cmp(&b.0));
-        others.into_iter().map(|(_, w)| name(w)).collect()
+        others.into_iter().map(|(_, w)| variables[w].quantity).collect()
     };
     let each = set.iter().zip(&lost);
-    let mut out: Vec<(Quantity, DependsOn)> = each
-        .map(|(&v, lost)| {
-            let on = DependsOn { variable: name(v), share: lost / all, also: instead(v) };
-            (variables[v].quantity, on)
+    let mut out: Vec<On> = each
+        .map(|(&v, lost)| On {
+            quantity: variables[v].quantity,
+            share: lost / all,
+            also: instead(v),
         })
         .collect();
-    out.sort_by(|a, b| b.1.share.total_cmp(&a.1.share));
+    out.sort_by(|a, b| b.share.total_cmp(&a.share));
     out
 }
