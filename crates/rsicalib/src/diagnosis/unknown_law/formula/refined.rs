@@ -91,3 +91,34 @@ fn cheapest<T>([low, high]: [f64; 2], at: &dyn Fn(f64) -> Option<(f64, T)>) -> O
     }
     best.map(|(price, _, what)| (price, what))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::refine;
+    use crate::diagnosis::unknown_law::formula::shapes::{Product, Shape};
+
+    /// An order that is 1.23 with a fall of 100, less by 1,000 times the square of what it is off.
+    fn fall(products: &[Product]) -> Option<f64> {
+        let Shape::Wave { order, .. } = products[0].0[0].1 else { return None };
+        Some(100.0 - 1000.0 * (order - 1.23_f64).powi(2))
+    }
+
+    #[test]
+    fn a_number_moves_where_it_pays_and_no_other_does() {
+        let wave = Shape::Wave { order: 1.0, phase: 0.0 };
+        let start = vec![Product(vec![(0, wave)])];
+        let of = |charge: f64| {
+            let price = |fall: f64, moved: usize| charge * moved as f64 - fall;
+            refine(start.clone(), &[[-1.0, 1.0]], 100.0 - 52.9, &fall, &price)
+        };
+        let moved = of(5.0);
+        let Shape::Wave { order, phase } = moved.products[0].0[0].1 else { panic!("a wave") };
+        // An eighth of the range, halved seven times: 1/1024 of it, which costs .001 at the most.
+        assert!((order - 1.23).abs() <= 1.0 / 1024.0 && phase == 0.0, "{order}, {phase}");
+        assert_eq!(moved.moved, 1);
+        assert!((moved.price - (5.0 - 100.0)).abs() < 1e-3);
+        // By moving it 52.9 can be won.
+        assert_eq!(of(53.0).products, start);
+        assert_eq!(of(53.0).moved, 0);
+    }
+}

@@ -88,7 +88,7 @@ pub(super) fn solved(
 
 /// In how many ways `k` of `n` can be chosen.
 pub(super) fn choices(n: usize, k: usize) -> f64 {
-    (0..k).map(|i| (n - i) as f64 / (i + 1) as f64).product::<f64>().max(1.0)
+    (0..k).map(|i| n.saturating_sub(i) as f64 / (i + 1) as f64).product::<f64>().max(1.0)
 }
 
 #[cfg(test)]
