@@ -22,7 +22,10 @@
 
 mod grouping;
 mod interval;
+mod likeliest;
 mod solve;
+#[cfg(test)]
+mod tests;
 
 use std::sync::Arc;
 
@@ -221,60 +224,5 @@ impl Levels {
             (0..classes).map(one).collect()
         };
         std::iter::once(units).chain(levels).map(told).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use faer::Mat;
-
-    use super::Levels;
-
-    /// Two parameters, of which units tell the second with this precision.
-    fn told(second: f64) -> Levels {
-        let information: Vec<Mat<f64>> = (0..8)
-            .map(|u| {
-                Mat::from_fn(2, 2, |i, j| if i != j { 0.0 } else { [1.0 + u as f64, second][i] })
-            })
-            .collect();
-        let told: Vec<Vec<f64>> =
-            (0..8_i32).map(|u| vec![f64::from(u * u % 7), second * f64::from(u % 3)]).collect();
-        let levels = [vec![0, 0, 1, 1, 2, 2, 3, 3], vec![0, 0, 0, 0, 1, 1, 1, 1]];
-        Levels::new(&information, &told, &[0, 1], &levels, 0.0).expect("alike")
-    }
-
-    #[test]
-    fn a_parameter_that_no_unit_tells_has_no_spread() {
-        // The precision of a standard deviation of 1e170 is no number above zero.
-        for second in [0.0, 1e170_f64.powi(-2), 1e-200] {
-            for (level, own) in told(second).spreads().iter().enumerate() {
-                assert!(own[0].sd.is_some(), "level {level}");
-                assert_eq!((own[1].sd, own[1].interval), (None, None), "level {level}");
-            }
-        }
-        assert!(told(1e-100).spreads().iter().all(|own| own[1].sd.is_some()));
-    }
-
-    #[test]
-    fn what_is_left_out_tells_nothing() {
-        let all = told(1.0);
-        let rest = all.without(&[true, false]);
-        // It is still compared with the others.
-        let told = |levels: &Levels| levels.devices(&rest).iter().map(|d| d.0[(0, 0)]).collect();
-        let (own, compared): (Vec<f64>, Vec<f64>) = (told(&rest), told(&all));
-        assert!(own[0] == 0.0 && own[1] > 0.0 && compared[0] > 0.0 && compared[1] == own[1]);
-        assert_eq!((all.level(), all.largest()), (Some(1), vec![0, 0, 0, 0, 1, 1, 1, 1]));
-        // Of one group nothing is between: what the other half tells is all there is.
-        assert!(rest.total()[0] != all.total()[0]);
-    }
-
-    #[test]
-    fn levels_that_cannot_be_are_refused() {
-        let one = vec![Mat::from_fn(1, 1, |_, _| 1.0); 4000];
-        let told = vec![vec![1.0]; 4000];
-        let pairs: Vec<usize> = (0..4000).map(|u| u / 2).collect();
-        let across: Vec<usize> = (0..4000_usize).map(|u| u.div_ceil(2)).collect();
-        assert!(Levels::new(&one, &told, &[0], &[pairs, across], 0.0).is_err());
-        assert!(Levels::new(&one, &told, &[0], &[vec![0; 3]], 0.0).is_err());
     }
 }

@@ -1,37 +1,12 @@
-//! The state of all levels at some variances, and the variances that are likeliest.
-//!
-//! ```text
-//! A_lm = û_lᵀ T_l⁻¹ û_l(û_m),   Σ_m A_lm Δτ_m²/τ_m² = (Q_l - k_l) Q_l/k_l
-//! ```
-//!
-//! `û_l(û_m)` is what (161) makes of the deviations `û_m`, taken for readings. This is a step of
-//! Newton for `k/Q = 1`: `A` is the mean of the observed and the expected information (Gilmour,
-//! Thompson and Cullis 1995), and of groups that are known alike `k/Q` is straight in `τ²`. A step
-//! is halved until the restricted likelihood grows; where it does not, (124) itself says where it does.
+//! The state of all levels at some variances: (161), down and up again.
 
 use std::sync::Arc;
 
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 
-use crate::numerics::symmetric::invert;
+use crate::numerics::symmetric::{dot, invert};
 use crate::population::levels::grouping::Grouping;
-
-/// Steps at most; a handful are usual.
-const ROUNDS: usize = 100;
-
-/// `ln τ²` changes by less than this where steps have converged.
-const CONVERGED: f64 = 1e-6;
-
-/// Parts of a step of Newton, and of (124), halved in turn, that are tried at most: the second is one
-/// in which the likelihood grows.
-const HALVES: [usize; 2] = [4, 12];
-
-/// Twice the logarithm of the likelihood grows by this part of what its slope says, or more (Armijo 1966).
-const ENOUGH: f64 = 1e-4;
-
-/// A likelihood that is less by this is the same: an interval of 95 % is where it is less by 3.8.
-const SAME: f64 = 1e-9;
 
 /// Units with their levels, and what they tell.
 #[derive(Debug, Clone)]
@@ -61,14 +36,14 @@ pub(super) struct At {
     /// `γ + Σ û` of each unit.
     means: Vec<f64>,
     /// `û/τ` of the groups of each rank.
-    deviations: Vec<Vec<f64>>,
-    eliminated: Eliminated,
+    pub(super) deviations: Vec<Vec<f64>>,
+    pub(super) eliminated: Eliminated,
 }
 
 /// What was eliminated, from units to `γ`.
-struct Eliminated {
+pub(super) struct Eliminated {
     /// `R` of each rank.
-    roots: Vec<Vec<f64>>,
+    pub(super) roots: Vec<Vec<f64>>,
     /// `J` of the groups of each rank that nests.
     inner: Vec<Vec<f64>>,
     /// `F = J R S`
@@ -80,8 +55,8 @@ struct Eliminated {
 }
 
 /// `û/τ` of each rank, `γ`, and `γ + Σ û` of each unit.
-struct Solved {
-    deviations: Vec<Vec<f64>>,
+pub(super) struct Solved {
+    pub(super) deviations: Vec<Vec<f64>>,
     shift: Vec<f64>,
     means: Vec<f64>,
 }
@@ -101,7 +76,7 @@ pub(super) struct Sums {
 }
 
 impl Tree {
-    fn n(&self) -> usize {
+    pub(super) fn n(&self) -> usize {
         self.class.len()
     }
 
@@ -196,7 +171,7 @@ impl Tree {
     }
 
     /// Deviations and `γ` of what units tell.
-    fn solve(&self, of: &Eliminated, told: Vec<f64>) -> Solved {
+    pub(super) fn solve(&self, of: &Eliminated, told: Vec<f64>) -> Solved {
         let (n, depth) = (self.n(), self.grouping.depth());
         let (own, b) = self.up(&of.roots, &of.inner, told, depth);
         let root = self.root_together(&of.roots);
@@ -258,7 +233,7 @@ impl Tree {
     ///
     /// It is `-ln det - Σ (h - H m)ᵀ H⁻¹ (h - H m) - Σ û²/τ²` with the means `m` of units. Differences of
     /// these are taken, not of squares, which errors of a millionth make as large as 10¹².
-    fn gained(&self, at: &At, before: &At) -> f64 {
+    pub(super) fn gained(&self, at: &At, before: &At) -> f64 {
         let n = self.n();
         let own = |at: &At| {
             let held: f64 = at.shift.iter().map(|s| self.held * s * s).sum();
@@ -362,120 +337,6 @@ impl Tree {
         }
         k
     }
-
-    /// `A` of some ranks and classes.
-    fn information(&self, at: &At, of: &[usize]) -> Mat<f64> {
-        let n = self.n();
-        let mut found = Mat::<f64>::zeros(of.len(), of.len());
-        let mut deviation = vec![0.0; n];
-        for (a, &one) in of.iter().enumerate() {
-            let (rank, class) = (one / self.classes, one % self.classes);
-            let (root, all) = (&at.eliminated.roots[rank], &at.deviations[rank]);
-            let mut told = vec![0.0; self.told.len()];
-            let units = told.chunks_mut(n).zip(self.information.chunks(n * n));
-            for ((told, h), &group) in units.zip(&self.grouping.of_unit[rank]) {
-                for (i, d) in deviation.iter_mut().enumerate() {
-                    let own = self.class[i] == class;
-                    *d = if own { root[i] * all[n * group + i] } else { 0.0 };
-                }
-                for (i, told) in told.iter_mut().enumerate() {
-                    *told = dot(&h[i * n..(i + 1) * n], &deviation);
-                }
-            }
-            let seen = self.solve(&at.eliminated, told).deviations;
-            for (b, &other) in of.iter().enumerate() {
-                let (rank, class) = (other / self.classes, other % self.classes);
-                let pairs = at.deviations[rank].chunks(n).zip(seen[rank].chunks(n));
-                let product = |(w, seen): (&[f64], &[f64])| {
-                    let own = (0..n).filter(|&i| self.class[i] == class);
-                    own.map(|i| w[i] * seen[i]).sum::<f64>()
-                };
-                let sum: f64 = pairs.map(product).sum();
-                found[(a, b)] += 0.5 * sum;
-                found[(b, a)] += 0.5 * sum;
-            }
-        }
-        found
-    }
-
-    /// Steps of `ln τ²`, but for one that is held: that of Newton, and (124). The likelihood grows where
-    /// the second begins.
-    fn steps(&self, ln: &[f64], at: &At, held: Option<usize>) -> [Vec<f64>; 2] {
-        let moves = |&one: &usize| {
-            let Some(least) = self.least[one] else { return false };
-            held != Some(one) && (at.q[one] > at.k[one] || ln[one] > least)
-        };
-        let free: Vec<usize> = (0..ln.len()).filter(moves).collect();
-        let ratio = |one: usize| at.q[one] / at.k[one].max(f64::MIN_POSITIVE);
-        let within = |one: usize, step: f64| {
-            let least = self.least[one].unwrap_or(ln[one]);
-            (ln[one] + step).max(least).min(LARGEST) - ln[one]
-        };
-        let (mut newton, mut simple) = (vec![0.0; ln.len()], vec![0.0; ln.len()]);
-        if free.is_empty() {
-            return [newton, simple];
-        }
-        let a = self.information(at, &free);
-        let inverse = invert(&a).0;
-        let right: Vec<f64> =
-            free.iter().map(|&one| (at.q[one] - at.k[one]) * ratio(one)).collect();
-        for (i, &one) in free.iter().enumerate() {
-            let change: f64 = (0..free.len()).map(|j| inverse[(i, j)] * right[j]).sum();
-            // (124) itself, where a rank shows no deviation at all.
-            simple[one] = within(one, ratio(one).ln());
-            let known = a[(i, i)] > 0.0 && change.is_finite();
-            let step = if known { change.max(-1.0).ln_1p() } else { simple[one] };
-            newton[one] = within(one, step);
-        }
-        [newton, simple]
-    }
-
-    /// The likeliest variances from some on, but for one that is held.
-    pub(super) fn fit(&self, mut ln: Vec<f64>, held: Option<usize>) -> (Vec<f64>, At) {
-        let mut at = self.at(&ln);
-        for _ in 0..ROUNDS {
-            let steps = self.steps(&ln, &at, held);
-            let mut tries = steps.iter().zip(HALVES);
-            let Some(next) = tries.find_map(|(step, halves)| self.along(&ln, &at, step, halves))
-            else {
-                break;
-            };
-            let moved = ln.iter().zip(&next.0).map(|(ln, next)| (next - ln).abs());
-            let moved = moved.fold(0.0, f64::max);
-            (ln, at) = next;
-            if moved < CONVERGED {
-                break;
-            }
-        }
-        (ln, at)
-    }
-
-    /// Where the likelihood has grown along a step, or a step ends that changes nothing.
-    fn along(&self, ln: &[f64], at: &At, step: &[f64], halves: usize) -> Option<(Vec<f64>, At)> {
-        let rise = slope(at, step);
-        let small = step.iter().all(|s| s.abs() < CONVERGED);
-        if !small && (rise <= 0.0 || rise.is_nan()) {
-            return None;
-        }
-        (0..halves).map(|half| 0.5_f64.powi(half as i32)).find_map(|part| {
-            let next: Vec<f64> = ln.iter().zip(step).map(|(ln, s)| ln + part * s).collect();
-            let found = self.at(&next);
-            let enough = self.gained(&found, at) >= ENOUGH * part * rise - SAME;
-            (small || enough).then_some((next, found))
-        })
-    }
-}
-
-/// Largest `ln τ²`: its square is still a number.
-const LARGEST: f64 = 350.0;
-
-/// Twice the slope of the restricted likelihood along a step of `ln τ²`.
-fn slope(at: &At, step: &[f64]) -> f64 {
-    at.q.iter().zip(&at.k).zip(step).map(|((q, k), s)| (q - k) * s).sum()
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// Sums of the parts of each group, `size` numbers of each.
@@ -533,261 +394,4 @@ fn eliminate(root: &[f64], sum: &mut [f64], inner: &mut [f64], through: &mut [f6
         }
     }
     ln_det
-}
-
-#[cfg(test)]
-mod tests {
-    use faer::Mat;
-
-    use crate::population::levels::Levels;
-
-    /// Numbers that repeat nothing, between -1 and 1.
-    fn number(k: usize) -> f64 {
-        ((k * 7919 + 131) * 104_729 % 100_003) as f64 / 50_001.5 - 1.0
-    }
-
-    /// Lower triangle `L` of `a = L Lᵀ`, by plain products.
-    fn triangle(a: &[Vec<f64>]) -> Vec<Vec<f64>> {
-        let mut l = vec![vec![0.0; a.len()]; a.len()];
-        for i in 0..a.len() {
-            for j in 0..=i {
-                let rest = a[i][j] - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
-                l[i][j] = if i == j { rest.sqrt() } else { rest / l[j][j] };
-            }
-        }
-        l
-    }
-
-    /// `L⁻¹ x`
-    fn before(l: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
-        let mut out: Vec<f64> = Vec::new();
-        for (i, row) in l.iter().enumerate() {
-            out.push((x[i] - out.iter().zip(row).map(|(o, l)| o * l).sum::<f64>()) / row[i]);
-        }
-        out
-    }
-
-    fn product(a: &[f64], b: &[f64]) -> f64 {
-        a.iter().zip(b).map(|(a, b)| a * b).sum()
-    }
-
-    fn ln_det(l: &[Vec<f64>]) -> f64 {
-        (0..l.len()).map(|i| 2.0 * l[i][i].ln()).sum()
-    }
-
-    /// Units with two parameters: `H`, and the groups of each rank with those of the units first.
-    struct Units {
-        information: Vec<[[f64; 2]; 2]>,
-        told: Vec<[f64; 2]>,
-        groups: Vec<Vec<usize>>,
-        held: f64,
-    }
-
-    impl Units {
-        fn new(levels: &[Vec<usize>], held: f64) -> Self {
-            let units = levels[0].len();
-            let h = |u: usize| {
-                let (a, b, c) = (number(3 * u), number(3 * u + 1), number(3 * u + 2));
-                [[1.0 + a * a + c * c, a * b + c], [a * b + c, 1.5 + b * b]]
-            };
-            let told = |u: usize| [3.0 * number(500 + 2 * u), 3.0 * number(501 + 2 * u)];
-            let mut groups = vec![(0..units).collect()];
-            groups.extend(levels.iter().cloned());
-            Self {
-                information: (0..units).map(h).collect(),
-                told: (0..units).map(told).collect(),
-                groups,
-                held,
-            }
-        }
-
-        fn levels(&self) -> Levels {
-            let matrix = |h: &[[f64; 2]; 2]| Mat::from_fn(2, 2, |i, j| h[i][j]);
-            let information: Vec<Mat<f64>> = self.information.iter().map(matrix).collect();
-            let told: Vec<Vec<f64>> = self.told.iter().map(|h| h.to_vec()).collect();
-            Levels::new(&information, &told, &[0, 1], &self.groups[1..], self.held).expect("alike")
-        }
-
-        /// Minus twice the logarithm of the restricted likelihood, but for a constant, by matrices of
-        /// all units.
-        fn cost(&self, ln: &[f64]) -> f64 {
-            let size = 2 * self.told.len();
-            let (mut v, mut y) = (vec![vec![0.0; size]; size], vec![0.0; size]);
-            for (u, (h, told)) in self.information.iter().zip(&self.told).enumerate() {
-                let det = h[0][0] * h[1][1] - h[0][1] * h[1][0];
-                let inverse = [[h[1][1] / det, -h[0][1] / det], [-h[1][0] / det, h[0][0] / det]];
-                for i in 0..2 {
-                    v[2 * u + i][2 * u..2 * u + 2].copy_from_slice(&inverse[i]);
-                    y[2 * u + i] = product(&inverse[i], told);
-                }
-            }
-            for (rank, groups) in self.groups.iter().enumerate() {
-                for (u, one) in groups.iter().enumerate() {
-                    for (w, _) in groups.iter().enumerate().filter(|(_, other)| *other == one) {
-                        (0..2).for_each(|i| v[2 * u + i][2 * w + i] += ln[2 * rank + i].exp());
-                    }
-                }
-            }
-            let l = triangle(&v);
-            let y = before(&l, &y);
-            let column = |i: usize| -> Vec<f64> {
-                before(&l, &(0..size).map(|k| f64::from(u8::from(k % 2 == i))).collect::<Vec<_>>())
-            };
-            let x = [column(0), column(1)];
-            let held = |i, j| if i == j { self.held } else { 0.0 };
-            let m: Vec<Vec<f64>> = (0..2)
-                .map(|i| (0..2).map(|j| product(&x[i], &x[j]) + held(i, j)).collect())
-                .collect();
-            let lm = triangle(&m);
-            let g = before(&lm, &[product(&x[0], &y), product(&x[1], &y)]);
-            ln_det(&l) + ln_det(&lm) + product(&y, &y) - product(&g, &g)
-        }
-    }
-
-    fn nested() -> Vec<Vec<usize>> {
-        vec![vec![0, 0, 1, 1, 1, 2, 3, 3, 4, 4], vec![0, 0, 0, 0, 0, 1, 1, 1, 2, 2]]
-    }
-
-    fn crossed() -> Vec<Vec<usize>> {
-        vec![vec![0, 0, 0, 1, 1, 1, 2, 2, 2, 2], vec![0, 1, 2, 0, 1, 2, 0, 1, 2, 2]]
-    }
-
-    #[test]
-    fn the_score_is_the_slope_of_the_likelihood_of_all_units() {
-        for (levels, held) in [(nested(), 0.0), (nested(), 1.0), (crossed(), 0.0), (crossed(), 1.0)]
-        {
-            let units = Units::new(&levels, held);
-            let of = units.levels();
-            let ln: Vec<f64> = (0..6).map(|k| 0.8 * number(40 + k)).collect();
-            let at = of.tree.at(&ln);
-            for one in 0..6 {
-                let beside = |by: f64| {
-                    let mut other = ln.clone();
-                    other[one] += by;
-                    units.cost(&other)
-                };
-                // Central differences of 1e-4 are exact to a few 1e-8.
-                let slope = (beside(1e-4) - beside(-1e-4)) / 2e-4;
-                let score = at.q[one] - at.k[one];
-                assert!((score + slope).abs() < 1e-6, "{one}: {score} and not {}", -slope);
-            }
-        }
-    }
-
-    #[test]
-    fn what_is_gained_is_the_change_of_the_likelihood_of_all_units() {
-        for (levels, held) in [(nested(), 0.0), (nested(), 1.0), (crossed(), 0.0), (crossed(), 1.0)]
-        {
-            let units = Units::new(&levels, held);
-            let tree = units.levels().tree;
-            let ln = |from: usize| (0..6).map(|k| 2.0 * number(from + k)).collect::<Vec<_>>();
-            let (one, other) = (ln(40), ln(60));
-            let gained = tree.gained(&tree.at(&one), &tree.at(&other));
-            let witness = units.cost(&other) - units.cost(&one);
-            assert!((gained - witness).abs() < 1e-9, "{gained} and not {witness}");
-        }
-    }
-
-    #[test]
-    fn nothing_beside_the_found_variances_is_likelier() {
-        for levels in [nested(), crossed()] {
-            let units = Units::new(&levels, 0.0);
-            let of = units.levels();
-            let best = units.cost(&of.best);
-            for one in 0..6 {
-                for by in [-0.3, -0.03, 0.03, 0.3] {
-                    let mut other = of.best.clone();
-                    other[one] += by;
-                    let least = of.tree.least[one].expect("told");
-                    assert!(
-                        other[one] < least || units.cost(&other) > best - 1e-9,
-                        "{one} by {by}"
-                    );
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn the_likeliest_variances_are_found_from_wherever_one_begins() {
-        for (levels, held) in [(nested(), 1.0), (crossed(), 1.0)] {
-            let mut units = Units::new(&levels, held);
-            // Parameters that are told a thousand times better together than apart.
-            for h in &mut units.information {
-                let (a, b) = (h[0][0], h[1][1]);
-                *h = [[a * 1e6, 999.0 * a * 1e3], [999.0 * a * 1e3, a * 1e6 + b]];
-            }
-            units.told.iter_mut().for_each(|h| *h = [h[0] * 1e6, h[1] * 1e6]);
-            let of = units.levels();
-            for from in [-12.0, -3.0, 0.0, 5.0] {
-                let start: Vec<f64> = (0..6).map(|k| from + number(k)).collect();
-                let found = of.tree.fit(start, None).0;
-                let apart = units.cost(&found) - units.cost(&of.best);
-                assert!(apart.abs() < 1e-6, "from {from}: {apart}, {found:?}, {:?}", of.best);
-            }
-        }
-    }
-
-    /// Units with an error `s` each.
-    fn alike(x: &[f64], s: f64, levels: &[Vec<usize>]) -> Levels {
-        let precision = s.powi(-2);
-        let information = vec![Mat::from_fn(1, 1, |_, _| precision); x.len()];
-        let told: Vec<Vec<f64>> = x.iter().map(|x| vec![precision * x]).collect();
-        Levels::new(&information, &told, &[0], levels, 0.0).expect("alike")
-    }
-
-    fn mean(x: &[f64]) -> f64 {
-        x.iter().sum::<f64>() / x.len() as f64
-    }
-
-    fn squares(x: &[f64]) -> f64 {
-        x.iter().map(|one| (one - mean(x)).powi(2)).sum()
-    }
-
-    /// Sessions, by four, of devices, by three, of batches.
-    fn balanced(batch: f64, device: f64, session: f64) -> Vec<f64> {
-        let at = |u: usize| {
-            batch * number(700 + u / 12) + device * number(800 + u / 4) + session * number(900 + u)
-        };
-        (0..60).map(at).collect()
-    }
-
-    fn groups(by: usize) -> Vec<usize> {
-        (0..60).map(|u| u / by).collect()
-    }
-
-    #[test]
-    fn of_balanced_levels_variances_are_those_of_mean_squares() {
-        let x = balanced(9.0, 4.0, 2.0);
-        let means = |by: usize| -> Vec<f64> { x.chunks(by).map(mean).collect() };
-        // Mean squares of sessions in devices, devices in batches, batches.
-        let session = x.chunks(4).map(squares).sum::<f64>() / 45.0;
-        let device = 4.0 * means(4).chunks(3).map(squares).sum::<f64>() / 10.0;
-        let batch = 12.0 * squares(&means(12)) / 4.0;
-        let of = alike(&x, 0.5, &[groups(4), groups(12)]);
-        let witness = [session - 0.25, (device - session) / 4.0, (batch - device) / 12.0];
-        assert!(witness.iter().all(|variance| *variance > 0.0), "{witness:?}");
-        for (ln, witness) in of.best.iter().zip(witness) {
-            // Steps end where `ln τ²` moves by less than 1e-6.
-            assert!((ln - witness.ln()).abs() < 1e-5, "{} and not {witness}", ln.exp());
-        }
-        assert!((of.mean()[0] - mean(&x)).abs() < 1e-9);
-    }
-
-    #[test]
-    fn a_level_that_shows_nothing_leaves_its_squares_to_the_others() {
-        // Devices have means alike: between them there is less than sessions make.
-        let mut x = balanced(0.0, 0.0, 2.0);
-        for device in x.chunks_mut(4) {
-            let own = mean(device);
-            device.iter_mut().for_each(|x| *x -= own);
-        }
-        let of = alike(&x, 0.5, &[groups(4)]);
-        let spreads = of.spreads();
-        let session = squares(&x) / 59.0 - 0.25;
-        assert_eq!(spreads[1][0].sd, Some(0.0));
-        // The least that a variance is taken for, 1e-3 of an error, is beside it.
-        let found = spreads[0][0].sd.expect("told").powi(2);
-        assert!((found / session - 1.0).abs() < 1e-3, "{found} and not {session}");
-    }
 }
