@@ -23,10 +23,13 @@ macro_rules! stated {
 }
 
 /// The value that the environment has for a constant, else its own.
+///
+/// # Panics
+///
+/// Where that is no value of its type: to measure nothing would look like a constant that changes nothing.
 #[cfg(stated)]
-pub(crate) fn instead<T: std::str::FromStr>(name: &str, own: T) -> T {
+pub(crate) fn instead<T: std::str::FromStr<Err: std::fmt::Debug>>(name: &str, own: T) -> T {
     let said = std::env::var("RSICALIB_STATED").unwrap_or_default();
-    let value =
-        said.split_once('=').filter(|(of, _)| *of == name).and_then(|(_, v)| v.parse().ok());
-    value.unwrap_or(own)
+    let other = said.split_once('=').filter(|(of, _)| *of == name);
+    other.map_or(own, |(_, value)| value.parse().expect(name))
 }

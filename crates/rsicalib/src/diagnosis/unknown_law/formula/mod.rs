@@ -30,9 +30,16 @@ use crate::estimate::at_fit::AtFit;
 use crate::mechanism::{Class, Law, Mechanism, Per};
 use crate::model::{Model, Want, Workspace};
 use crate::numerics::lanes::Lanes;
+use crate::numerics::search::edge;
 
 /// Id of what is found, with a number where the mechanism has such a law already.
 const FOUND: &str = "found_law";
+
+/// Sums of each width whose numbers are moved, the best first: a limit of time.
+const MOVED: usize = 10;
+
+/// Prices beyond the least by which a sum is of no account: by `e⁻²⁰` as likely.
+const NO_ACCOUNT: f64 = 40.0;
 
 /// A law with what these data tell of its parameters.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,8 +90,9 @@ pub(super) fn written(
     let weight = |price: f64| (-0.5 * (price - best.price)).exp();
     let most = sums.iter().map(|sum| sum.fall).fold(0.0, f64::max);
     // Nearly all sums are far less likely: they are not priced.
+    let far = |fall: f64, width: usize| price(fall, width, 0) > best.price + NO_ACCOUNT;
     let counts: Vec<f64> =
-        (0..=MOST).map(|width| least(most, &|fall| price(fall, width, 0) - best.price)).collect();
+        (0..=MOST).map(|width| edge(|fall| far(fall, width), 0.0, most)).collect();
     let counted = sums.iter().filter(|sum| sum.fall >= counts[sum.of.len()]);
     let of_sums = counted.map(|sum| weight(price(sum.fall, sum.of.len(), 0)));
     let own = if best.moved == 0 { 0.0 } else { 1.0 };
@@ -100,9 +108,6 @@ pub(super) fn written(
     law.formula().ok()?;
     Some(Written { law, values, price: best.price, probability: 1.0 / all })
 }
-
-/// Sums of each width whose numbers are moved, the best first: a limit of time.
-const MOVED: usize = 10;
 
 /// The best sums of each width, of which no two have the same shapes.
 fn unlike<'a>(sums: &'a [Sum], products: &[Product]) -> Vec<&'a Sum> {
@@ -120,19 +125,6 @@ fn unlike<'a>(sums: &'a [Sum], products: &[Product]) -> Vec<&'a Sum> {
     let of =
         |width: usize| best.iter().copied().filter(move |sum| sum.of.len() == width).take(MOVED);
     (1..=MOST).flat_map(of).collect()
-}
-
-/// Prices beyond the least by which a sum is of no account: one in 10⁹.
-const NO_ACCOUNT: f64 = 40.0;
-
-/// The fall of χ², up to `most`, from which on a sum counts that costs `behind` more than the cheapest.
-fn least(most: f64, behind: &dyn Fn(f64) -> f64) -> f64 {
-    let (mut low, mut high) = (0.0, most);
-    for _ in 0..40 {
-        let middle = 0.5 * (low + high);
-        if behind(middle) > NO_ACCOUNT { low = middle } else { high = middle }
-    }
-    low
 }
 
 /// Products as columns of a fit, in the unit of readings.
