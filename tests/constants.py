@@ -3,8 +3,11 @@
 Builds the core once with `--cfg stated`, in which `RSICALIB_STATED` says another value of a
 constant. Each constant that `stated!` declares is halved and doubled; the devices of
 `tests.ablation` are traced with either, and what comes out right is compared, device by device,
-with the values as they stand. Prints a table: lost and won, with the probability of as uneven a
-split by chance (sign test), and how many are explained by what they do not have.
+with the values as they stand. Prints a table: of how many anything is said otherwise, how many are
+lost and won, with the probability of as uneven a split by chance (sign test), and how many are
+explained by what they do not have. `--build FOLDER` leaves the package there, for other commands:
+
+    PYTHONPATH=FOLDER:. RSICALIB_STATED=sweeps=0 python -m tests.outside --kind outside
 """
 
 from __future__ import annotations
@@ -86,13 +89,18 @@ def said(folder: Path, stated: str, asked: Sequence[str]) -> Mapping[str, Mappin
 def row(constant: Constant, value: str, base: Mapping[str, Any], other: Mapping[str, Any]) -> str:
     """A line of the table."""
     both = base.keys() & other.keys()
+
+    def says(one: Mapping[str, Any]) -> tuple[str, str]:
+        return one["verdict"], one["said"]
+
+    otherwise = sum(says(base[d]) != says(other[d]) for d in both)
     lost = sum(base[d]["right"] and not other[d]["right"] for d in both)
     won = sum(other[d]["right"] and not base[d]["right"] for d in both)
     p = stats.binomtest(lost, lost + won).pvalue if lost + won else 1.0
     misled = [sum(one[d]["misled"] for d in both) for one in (base, other)]
     return (
-        f"| `{constant.name}` | {constant.value:g} | {value} | {lost} | {won} | {p:.2g} "
-        f"| {misled[0]} → {misled[1]} |"
+        f"| `{constant.name}` | {constant.value:g} | {value} | {otherwise} | {lost} | {won} "
+        f"| {p:.2g} | {misled[0]} → {misled[1]} |"
     )
 
 
@@ -103,7 +111,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", nargs="*", help="names of constants; else all")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--build", type=Path, help="write the package there, and measure nothing")
     options = parser.parse_args(arguments)
+    if options.build:
+        build(options.build)
+        return 0
     asked = ["--devices", str(options.devices), "--seed", str(options.seed)]
     names = options.only or [constant.name for constant in constants()]
     cases = [(c, value) for c in constants() if c.name in names for value in c.others()]
@@ -114,8 +126,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             runs = [pool.submit(said, folder, f"{c.name}={value}", asked) for c, value in cases]
             right = sum(one["right"] for one in base.result().values())
             print(f"{len(base.result())} devices, {right} right\n")
-            print("| constant | value | instead | lost | won | p | misled |")
-            print("|---|---|---|---|---|---|---|")
+            print("| constant | value | instead | said otherwise | lost | won | p | misled |")
+            print("|---|---|---|---|---|---|---|---|")
             for (constant, value), run in zip(cases, runs, strict=True):
                 print(row(constant, value, base.result(), run.result()), flush=True)
     return 0

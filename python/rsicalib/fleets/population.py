@@ -252,9 +252,13 @@ def _value_drawn(name: str, mechanism: Mechanism) -> float:
 
 def is_misfit(first: Mapping[str, Any], found: Mapping[str, Any] | None) -> bool:
     """Whether the devices together do not fit, or not the drawing."""
-    summed = first["summed"]
-    unlike = summed is not None and summed["p_value"] < LEVEL
-    return unlike or (found is not None and bool(found["design"]))
+    wrong = any(s["common"] for s in first["shifts"]) if found is None else found["design"]
+    return _is_unlike(first["summed"]) or bool(wrong)
+
+
+def _is_unlike(summed: Mapping[str, Any] | None) -> bool:
+    """Whether the fits of all devices together leave more than noise."""
+    return summed is not None and summed["p_value"] < LEVEL
 
 
 def sentences(first: Mapping[str, Any], found: Mapping[str, Any] | None) -> list[str]:
@@ -264,7 +268,7 @@ def sentences(first: Mapping[str, Any], found: Mapping[str, Any] | None) -> list
     if summed is not None:
         ratio = summed["chi2"] / summed["dof"]
         what = f"χ² is {ratio:.3f} times its degrees of freedom over {summed['devices']} devices"
-        if summed["p_value"] < LEVEL:
+        if _is_unlike(summed):
             lines.append(
                 f"Together the devices do not fit: {what} (p = {summed['p_value']:.1g}). "
                 "They lack the same effect, even if none of them alone shows it."
