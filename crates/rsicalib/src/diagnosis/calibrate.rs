@@ -39,7 +39,7 @@ const MOST_POSES: usize = 2000;
 /// As [`fit`].
 pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
     let all = fit(observations, observations.instances()?, None)?;
-    let usable = all.plausible && all.termination.converged() && all.dof >= 1.0;
+    let usable = all.converged() && all.dof >= 1.0;
     if observations.options.method == Method::Algebraic || !usable {
         return Ok(whole(observations, all));
     }

@@ -165,7 +165,7 @@ enum Scope {
 /// True where the readings are not of this mechanism as it is declared, and are with a mistake of the wiring
 /// or of a unit undone: that is said, and the search, which would take its longest, has nothing to add.
 fn is_miswired(observations: &Observations, fit: &Fit) -> bool {
-    let undone = |it: &Suspicion| it.of_wiring() && !matches!(it, Suspicion::NoStart { .. });
+    let undone = |it: &Suspicion| it.of_wiring() && !it.is_no_start();
     let told = fit.warnings.iter().any(undone);
     told && !absurdities(observations, fit, &[]).is_empty()
 }

@@ -6,7 +6,6 @@ use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::options::LEVEL;
 use crate::estimate::Fit;
 use crate::estimate::directions::Directions;
-use crate::estimate::suspicion::Suspicion;
 use crate::monitor::closing::OpenLoops;
 
 /// What is said of a calibration, in one word.
@@ -94,17 +93,12 @@ impl Determined {
         match () {
             // Along an open direction iterations run out: the direction is the reason.
             () if !directions.unobservable.is_empty() && fit.dof >= 1.0 => Self::Unobservable,
-            () if !(fit.termination.converged() && fit.plausible) => Self::NotConverged,
-            () if without_start(fit) && !fit.p_value.is_some_and(|p| p <= LEVEL) => Self::NoStart,
+            () if !fit.converged() => Self::NotConverged,
+            () if !fit.has_start() && !fit.p_value.is_some_and(|p| p <= LEVEL) => Self::NoStart,
             () if fit.dof < 1.0 => Self::NothingLeft,
             () => Self::Yes,
         }
     }
-}
-
-/// True where no start led to a fit in which every joint moves.
-fn without_start(fit: &Fit) -> bool {
-    fit.warnings.iter().any(|suspicion| matches!(suspicion, Suspicion::NoStart { .. }))
 }
 
 /// How far off something is under a calibration, and under another one.

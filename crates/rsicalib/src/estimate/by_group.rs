@@ -43,7 +43,7 @@ const FEW: usize = 3;
 /// drawing; of a long recording neither is looked for.
 #[must_use]
 pub fn with_groups(fit: Fit, observations: &Observations) -> Fit {
-    if !fit.termination.converged() || !fit.plausible || observations.is_long() {
+    if !fit.converged() || observations.is_long() {
         return fit;
     }
     let fit = without_mirrors(fit, observations);

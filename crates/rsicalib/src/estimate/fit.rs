@@ -385,12 +385,12 @@ fn minimum(
         let play = fit.model.play().iter().any(|play| *play > 0.0);
         fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
         fit.warnings.extend(doubts::of_lengths(observations, &fit.model, &fit.noise));
-        let no_start = fit.warnings.iter().any(is_no_start);
+        let no_start = !fit.has_start();
         let terms = || fit.model.instances.clone();
         let refit = |other: &Observations| {
-            let Fit { chi2, dof, model, beta, warnings, .. } = self::fit(other, terms(), None)?;
-            let started = !warnings.iter().any(is_no_start);
-            let left = if started { chi2 / dof } else { f64::INFINITY };
+            let again = self::fit(other, terms(), None)?;
+            let left = if again.has_start() { again.chi2 / again.dof } else { f64::INFINITY };
+            let Fit { model, beta, .. } = again;
             Ok(degrees::Again { left, model, beta })
         };
         let mut said = Vec::new();
@@ -401,7 +401,7 @@ fn minimum(
             }
             said.extend(degrees::in_other_unit(observations, &noise, fit.chi2 / fit.dof, refit));
         }
-        let wired = !fit.warnings.iter().any(|it| it.of_wiring() && !is_no_start(it));
+        let wired = !fit.warnings.iter().any(|it| it.of_wiring() && !it.is_no_start());
         if wired && !said.iter().any(Suspicion::of_wiring) {
             let left = if no_start { f64::INFINITY } else { fit.chi2 / fit.dof };
             said.extend(lengths::in_other_unit(observations, &noise, left, refit));
@@ -409,11 +409,6 @@ fn minimum(
         fit.warnings.extend(said);
     }
     Ok(fit)
-}
-
-/// That no start led to a fit in which every joint moves.
-fn is_no_start(suspicion: &Suspicion) -> bool {
-    matches!(suspicion, Suspicion::NoStart { .. })
 }
 
 /// The same minimum with joints that turn within half a turn of the middle of their limits at the mean

@@ -83,6 +83,24 @@ pub struct Fit {
 const PART: f64 = 1e-6;
 
 impl Fit {
+    /// True where the solver has converged, to parameters with which every joint moves.
+    #[must_use]
+    pub fn converged(&self) -> bool {
+        self.termination.converged() && self.plausible
+    }
+
+    /// True where some start led to a fit in which every joint moves.
+    #[must_use]
+    pub fn has_start(&self) -> bool {
+        !self.warnings.iter().any(Suspicion::is_no_start)
+    }
+
+    /// True for a minimum of which it has a meaning to ask how far parameters, points and left-out poses are off.
+    #[must_use]
+    pub fn stands(&self) -> bool {
+        self.converged() && self.has_start()
+    }
+
     /// The noise, as an assumption of a further fit.
     #[must_use]
     pub fn assumed(&self) -> Noise {

@@ -41,7 +41,7 @@ pub fn intervals(observations: &Observations, fit: &Fit) -> Vec<Option<[f64; 2]>
 
 /// True for a maximum of the likelihood of a session of which profiles are looked at.
 pub(crate) fn is_likeliest(observations: &Observations, fit: &Fit) -> bool {
-    let likely = fit.termination.converged() && fit.plausible && fit.dof >= 1.0;
+    let likely = fit.stands() && fit.dof >= 1.0;
     likely
         && observations.options.method == Method::ImplicitLoop
         && observations.readings.samples <= LONG

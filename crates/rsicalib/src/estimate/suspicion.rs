@@ -122,6 +122,12 @@ impl Suspicion {
         matches!(self, Self::Exchanged { .. } | Self::Reversed { .. })
     }
 
+    /// True where no start led to a fit in which every joint moves.
+    #[must_use]
+    pub fn is_no_start(&self) -> bool {
+        matches!(self, Self::NoStart { .. })
+    }
+
     /// True where it is about the wiring, and so found at the start.
     #[must_use]
     pub fn of_wiring(&self) -> bool {

@@ -81,7 +81,7 @@ pub fn report(
 pub fn error_held_out(calibrated: &Calibrated) -> Result<Option<HeldOut>, Error> {
     let Calibrated { observations, fit, .. } = calibrated;
     let few = observations.readings.poses() <= MOST_HELD_OUT;
-    if !(fit.termination.converged() && fit.plausible && fit.dof >= 1.0 && few) {
+    if !(fit.stands() && fit.dof >= 1.0 && few) {
         return Ok(None);
     }
     let (small, fitted, judge) = averaged(observations, fit)?;

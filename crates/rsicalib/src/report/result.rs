@@ -354,7 +354,8 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
         parameters,
         covariance: (0..n).map(|i| (0..n).map(|j| covariance[(i, j)]).collect()).collect(),
         between: fit.between.as_ref().map(|between| between::report(observations, fit, between)),
-        predicted: (fit.termination.converged() && fit.plausible)
+        predicted: fit
+            .stands()
             .then(|| predicted(observations, fit, &observations.readings.table, PREDICTED).ok())
             .flatten()
             // Where nothing was fitted that moves the points, they are as declared.
@@ -368,7 +369,7 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
         starts: fit.starts.iter().map(StartReport::of).collect(),
         termination: words::termination(fit.termination).into(),
         termination_kind: fit.termination,
-        converged: fit.termination.converged() && fit.plausible,
+        converged: fit.converged(),
         iterations: fit.iterations,
     }
 }

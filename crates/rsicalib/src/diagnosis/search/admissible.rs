@@ -49,6 +49,6 @@ impl Averaged<'_> {
     pub(crate) fn sensible(&self, before: &Fit, after: &Fit) -> bool {
         let swung = self.search.uses(Rule::Swung) && swung(before, after);
         let opened = self.search.uses(Rule::Misclosure) && opened(before, after);
-        after.plausible && after.termination.converged() && !swung && !opened
+        after.converged() && !swung && !opened
     }
 }
