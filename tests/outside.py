@@ -101,14 +101,26 @@ def of_joint(device: Device, rng: Rng, name: str, *, bent: bool = False) -> Fact
     )
 
 
+def of_first() -> Callable[[float], float]:
+    """A scale that the first session has, and others of the device keep: a law knows no session."""
+    kept: list[float] = []
+
+    def scale(value: float) -> float:
+        if not kept:
+            kept.append(max(value, 1e-12))
+        return kept[0]
+
+    return scale
+
+
 def of_path(device: Device, rng: Rng, name: str) -> Factor:
     """Creep with the path that a joint has travelled: to a limit, or without."""
-    i, pace = device.names.index(name), rng.uniform(0.0, 4.0)
+    i, pace, scale = device.names.index(name), rng.uniform(0.0, 4.0), of_first()
 
     def law(q: Array, scene: Scene) -> Array:
         first = np.flatnonzero(np.diff(scene.label, prepend=0))
         steps = np.abs(np.diff(q[first, i], prepend=q[first[0], i]))
-        way = np.cumsum(steps)[scene.label - 1] / max(float(steps.sum()), 1e-12)
+        way = np.cumsum(steps)[scene.label - 1] / scale(float(steps.sum()))
         return way if pace < 1 else np.asarray(-np.expm1(-pace * way))
 
     return Factor(frozenset({f"travelled[{name}]", "time"}), law)
@@ -116,11 +128,11 @@ def of_path(device: Device, rng: Rng, name: str) -> Factor:
 
 def of_torque(device: Device, rng: Rng, name: str) -> Factor:
     """The torque of the weights about a joint, its square, or beyond a threshold."""
-    i, kind = device.names.index(name), int(rng.integers(3))
+    i, kind, scale = device.names.index(name), int(rng.integers(3)), of_first()
 
     def law(q: Array, scene: Scene) -> Array:
         torque = linkage.torques(device.build, q, of_tips="mass" not in str(device.drawing))[:, i]
-        u = torque / max(float(np.abs(torque).max()), 1e-12)
+        u = torque / scale(float(np.abs(torque).max()))
         return [u, u * np.abs(u), np.maximum(np.abs(u) - 0.5, 0.0)][kind]
 
     return Factor(frozenset({f"torque[{name}]"}), law)

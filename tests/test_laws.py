@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +17,14 @@ from rsicalib import DEMO, InputError, Mechanism, Term
 from rsicalib.cli import main
 from rsicalib.planning.supposing import suppose
 from scripts import make_gallery
+from tests.families.device import Effect, Scene, observe
 from tests.families.draw import FAMILIES
 from tests.families.power import Linear
 from tests.families.trials import readings_of
 from tests.full import sized
 from tests.laws import curves, shared, trials
 from tests.laws.draw import LAWS
+from tests.oracle import Array
 
 READINGS, REST = DEMO / "readings.csv", DEMO / "rest.csv"
 
@@ -116,6 +119,51 @@ def test_a_wrong_formula_is_refused_with_the_place_in_it(correction: str, words:
 )
 def test_a_law_that_acts_at_a_few_places_only_is_a_law(correction: str) -> None:
     assert Mechanism.rsi().with_terms([law(correction)]).terms[0].id
+
+
+def path(q: Array) -> Array:
+    """How far a joint has gone, pose by pose."""
+    return np.cumsum(np.abs(np.diff(q, prepend=q[0])))
+
+
+def since_turn(q: Array) -> Array:
+    """How far a joint is from where it turned last, or began."""
+    steps = np.sign(np.diff(q))
+    turns = [0, *(k for k in range(1, len(steps)) if steps[k] != steps[k - 1])]
+    return np.array([q[k] - q[max(t for t in turns if t < max(k, 1))] for k in range(len(q))])
+
+
+@pytest.mark.parametrize(
+    ("correction", "way"),
+    [
+        ("a*(1 - exp(-travelled[a21]/4))", lambda q: -np.expm1(-path(q) / 4)),
+        ("a*since_turn[a21]", since_turn),
+    ],
+)
+def test_a_law_may_be_of_the_way_of_another_channel(
+    correction: str, way: Callable[[Array], Array]
+) -> None:
+    rng = np.random.default_rng(20261126)
+    device = trials.built(rng)
+    scene = trials.taken(device, rng, 48, 8)
+    own, other = (device.names.index(name) for name in ("a12", "a21"))
+
+    def bends(size: float, q: Array, scene: Scene) -> Array:
+        first = np.flatnonzero(np.diff(scene.label, prepend=0))
+        out = np.zeros(q.shape)
+        out[:, own] = size * way(q[first, other])[scene.label - 1]
+        return out
+
+    effect = Effect("own", "sensor", "a12", 0.01, bends=bends, size=0.03)
+    session = observe(device, scene, rng, (effect,))
+    mechanism = Mechanism.from_toml(trials.toml(device)).with_terms([law(correction)])
+    readings = readings_of(mechanism, session)
+    found = rsicalib.calibrate(readings, mechanism, terms=["offset", "gain", "own@a12"])
+    (a,) = (p for p in found.parameters if p.term == "own")
+    # The way is by the gains of the drawing, to a hundredth.
+    assert abs(a.value - effect.size) < 4 * a.sd + 0.01 * effect.size
+    assert a.sd < effect.size / 10
+    assert found.verdict == "adequate"
 
 
 @pytest.mark.parametrize("correction", ["a*u + step(t - 0.918)", "a*u + exp(-((t - 0.9)/1e-4)^2)"])

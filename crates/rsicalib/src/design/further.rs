@@ -634,7 +634,7 @@ impl<'a> Visits<'a> {
         Self {
             session,
             from: options.from.as_deref(),
-            dynamic: timed || needs(Needs::Approach),
+            dynamic: timed || needs(Needs::Approach) || needs(Needs::Way),
             timed,
             pace: 1.0 / (session.readings.poses().max(2) - 1) as f64,
         }

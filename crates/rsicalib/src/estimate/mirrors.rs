@@ -16,6 +16,7 @@ use faer::Mat;
 use crate::estimate::fit::fit;
 use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
+use crate::estimate::intervals::LINEAR;
 use crate::estimate::objective::Part;
 use crate::estimate::observations::Observations;
 use crate::estimate::settle::settled;
@@ -107,14 +108,9 @@ fn image(observations: &Observations, fit: &Fit, number: usize) -> Option<Vec<f6
     let own = first..first + axes.len();
     let moved: f64 = own.clone().map(|k| (found.x[k] - fit.beta[k]).powi(2)).sum::<f64>().sqrt();
     let sd: f64 = own.map(|k| fit.covariance[(k, k)].max(0.0)).sum::<f64>().sqrt();
-    // Beside its image by chance, a point is within what is told of it.
-    (found.cost.is_finite() && as_well && moved > across.abs() && moved > far() * sd)
-        .then_some(found.x)
-}
-
-stated! {
-    /// Two solutions that are nearer to each other, in standard deviations, are within what is told of one.
-    fn far() -> f64 = 6.0;
+    // Beside its image by chance, a point is within what is told of it: intervals of 95 % overlap.
+    let far = 2.0 * LINEAR * sd;
+    (found.cost.is_finite() && as_well && moved > across.abs() && moved > far).then_some(found.x)
 }
 
 /// Where an unknown point is from each place from which it is measured, in its free coordinates.

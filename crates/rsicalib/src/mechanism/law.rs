@@ -135,6 +135,12 @@ pub enum Variable {
     Theta(usize),
     /// `theta[NAME]`: coordinate of the channel with that name, of whatever chain or of none.
     Coordinate(&'static str),
+    /// `travelled[NAME]`: path of that channel since its session began (rad, or length).
+    Travelled(&'static str),
+    /// `since_turn[NAME]`: how far that channel is from where it turned last, with its sign (rad, or length).
+    SinceTurn(&'static str),
+    /// `torque[NAME]`: of the joint of that channel.
+    TorqueOf(&'static str),
     /// The name of a declared column of the readings: what it says in that row.
     Column(&'static str),
     /// `length`: of the distance that a law of a closure corrects, before it does (length).
@@ -145,6 +151,9 @@ pub enum Variable {
     /// `reach`: from the joint to the middle of the points that the chain carries (length).
     Reach,
 }
+
+/// A variable of the channel with a name.
+pub type OfChannel = fn(&'static str) -> Variable;
 
 impl Variable {
     /// Names of those without an index.
@@ -161,11 +170,33 @@ impl Variable {
         ("length", Self::Length),
     ];
 
+    /// The channel that it names, where it names one.
+    #[must_use]
+    pub fn channel(self) -> Option<&'static str> {
+        match self {
+            Self::Coordinate(name) | Self::TorqueOf(name) => Some(name),
+            Self::Travelled(name) | Self::SinceTurn(name) => Some(name),
+            _ => None,
+        }
+    }
+
+    /// Names of those of a channel that stands in brackets.
+    pub const OF_CHANNELS: [(&'static str, OfChannel); 4] = [
+        ("theta", Self::Coordinate),
+        ("torque", Self::TorqueOf),
+        ("travelled", Self::Travelled),
+        ("since_turn", Self::SinceTurn),
+    ];
+
+    /// True for what another channel, a column or a distance has.
+    fn of_others(self) -> bool {
+        self.channel().is_some() || matches!(self, Self::Column(_) | Self::Length)
+    }
+
     /// True for what is of the joint itself, not of the session, of the chain or of another channel.
     #[must_use]
     pub fn of_joint(self) -> bool {
-        let others = matches!(self, Self::Coordinate(_) | Self::Column(_) | Self::Length);
-        !others && !matches!(self, Self::Time | Self::Temperature | Self::Theta(_))
+        !self.of_others() && !matches!(self, Self::Time | Self::Temperature | Self::Theta(_))
     }
 
     /// True for what depends on where the chain is.
@@ -177,8 +208,7 @@ impl Variable {
     /// True for what a channel does not have by itself.
     #[must_use]
     pub fn couples(self) -> bool {
-        let others = matches!(self, Self::Coordinate(_) | Self::Column(_) | Self::Length);
-        others || self.of_posture()
+        self.of_others() || self.of_posture()
     }
 
     /// True for what a channel has that is on no joint.
@@ -189,8 +219,7 @@ impl Variable {
 
     /// True for what a closure has: it is of no joint and of no one chain.
     fn of_closure(self) -> bool {
-        let session = matches!(self, Self::Time | Self::Temperature | Self::Column(_));
-        session || matches!(self, Self::Coordinate(_) | Self::Length)
+        self.of_others() || matches!(self, Self::Time | Self::Temperature)
     }
 }
 
@@ -251,7 +280,7 @@ impl Law {
         let (mut graph, mut variables) = (Graph::default(), Vec::new());
         let is_there = |v: &Variable| match (v, there) {
             (Variable::Column(name), Some([columns, _])) => columns.contains(name),
-            (Variable::Coordinate(name), Some([_, channels])) => channels.contains(name),
+            (of, Some([_, channels])) => of.channel().is_none_or(|name| channels.contains(&name)),
             _ => true,
         };
         let known = || self.known(there.map_or(&[], |[columns, _]| columns));
@@ -282,11 +311,13 @@ impl Law {
                 false => Some(Variable::Column(lasting(name))),
             };
         };
-        let found = match index.parse::<usize>() {
-            _ if name != "theta" => None,
-            Ok(0) => None,
-            Ok(k) => Some(Variable::Theta(k)),
-            Err(_) => Some(Variable::Coordinate(lasting(index))),
+        let found = match (name, index.parse::<usize>()) {
+            ("theta", Ok(k)) => (k > 0).then_some(Variable::Theta(k)),
+            (_, Ok(_)) => None,
+            (name, Err(_)) => {
+                let of = Variable::OF_CHANNELS.iter().find(|(known, _)| *known == name);
+                of.map(|(_, variable)| variable(lasting(index)))
+            }
         };
         found.filter(|v| self.may_use(*v))
     }
@@ -311,7 +342,10 @@ impl Law {
         let variables = Variable::NAMES.iter().filter(|(_, v)| self.may_use(*v));
         let joints = self.may_use(Variable::Theta(1)).then_some("theta[1]");
         let all = parameters.chain(variables.map(|(name, _)| *name)).chain(joints);
-        all.chain(["theta[CHANNEL]"]).chain(columns.iter().copied()).collect::<Vec<_>>().join(", ")
+        let all = all.map(str::to_owned);
+        let of_channels = Variable::OF_CHANNELS.iter().map(|(name, _)| format!("{name}[CHANNEL]"));
+        let columns = columns.iter().map(|name| (*name).to_owned());
+        all.chain(of_channels).chain(columns).collect::<Vec<_>>().join(", ")
     }
 
     /// Refuses a law that cannot be used.
@@ -363,7 +397,8 @@ impl Law {
             return Err(refuse(place("parameters"), found, expected));
         }
         for (name, typical) in &self.parameters {
-            let taken = self.named(name).is_some() || name == "theta" || name == "pi";
+            let of_channels = Variable::OF_CHANNELS.iter().any(|(known, _)| known == name);
+            let taken = self.named(name).is_some() || of_channels || name == "pi";
             if !named(name) || taken {
                 let expected = "a name that is no variable, of letters, digits and _";
                 return Err(refuse(place("parameters"), quoted(name), expected.into()));

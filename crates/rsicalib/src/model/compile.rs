@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::Error;
 use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
-use crate::mechanism::{Closure, Mechanism, Target, Value, Variable};
+use crate::mechanism::{Closure, Mechanism, Target, Value};
 use crate::model::compiled::{
     Added, CompiledClosure, ElectronicsAt, Gate, Gating, LoadAt, Model, SensorAt, ShapeAt,
 };
@@ -273,8 +273,7 @@ impl Model {
         model.face_undrawn(readings);
         model.leave_out_loose_coordinates(readings);
         model.find_patches(readings);
-        let hangs = |law: &LawAt| law.term.has(Variable::Torque);
-        if !model.loads.is_empty() || model.laws.iter().any(hangs) {
+        if !model.loads.is_empty() || model.laws.iter().any(|law| law.term.weighs()) {
             model.drives = Self::drives(mechanism, readings, held_by)?;
         }
         model.told_torques()?;

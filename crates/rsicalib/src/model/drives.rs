@@ -1,7 +1,7 @@
 //! Torques of drives in closed loops, by sample and joint.
 
 use crate::kinematics::elements::Weight;
-use crate::mechanism::{Mechanism, Target, Variable};
+use crate::mechanism::{Mechanism, Target};
 use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Term};
 
@@ -32,13 +32,17 @@ impl Drives {
     /// True where nothing tells the torque on which a term depends at a target: a loop has more drives
     /// than motions.
     pub(crate) fn hide(&self, mechanism: &Mechanism, term: &dyn Term, target: Target) -> bool {
-        let whose = match term.acts() {
-            Acts::Load(whose) => whose,
-            Acts::Coupled(law) if law.has(Variable::Torque) => weight_of(mechanism),
+        let (whose, of) = match term.acts() {
+            Acts::Load(whose) => (whose, mechanism.channels_at(target)),
+            Acts::Coupled(law) => {
+                let named = law.weighed(mechanism.channels_at(target), |name| {
+                    mechanism.channel_index(name).ok()
+                });
+                (weight_of(mechanism), named)
+            }
             _ => return false,
         };
-        let untold = |c: &usize| self.untold[whose as usize][*c];
-        mechanism.channels_at(target).iter().any(untold)
+        of.iter().any(|c| self.untold[whose as usize][*c])
     }
 
     /// The joints of a chain.

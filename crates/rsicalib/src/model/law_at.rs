@@ -8,16 +8,22 @@ use crate::numerics::lanes::Lanes;
 use crate::terms::coupled::Coupled;
 use crate::terms::term::{Class, Spot};
 
+/// A joint of a chain, which the joints that a channel drives are one for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Joint {
+    pub(crate) chain: usize,
+    /// None: a place of the chain without a sensor.
+    pub(crate) channel: Option<usize>,
+}
+
 /// A law at one place.
 #[derive(Clone)]
 pub(crate) struct LawAt {
     pub(crate) term: &'static Coupled,
     /// Its part of the mechanism, of a target that has several.
     part: Target,
-    /// The chain whose joints it sees.
-    pub(crate) chain: usize,
-    /// The joint that it is of.
-    pub(crate) channel: Option<usize>,
+    /// The joint that it is of; its chain is that whose joints the law sees.
+    pub(crate) joint: Joint,
     /// Of each variable the channel or the column that it is of, where it is of one.
     pub(crate) of: Vec<usize>,
     pub(crate) whose: Weight,
@@ -41,7 +47,8 @@ impl LawAt {
             let (chain, channel) = place(mechanism, part);
             let of = term.variables.iter().map(|v| number(mechanism, chain, *v)).collect();
             let to = channel.unwrap_or_default();
-            Self { term, part, chain, channel, of, whose, session, first, to }
+            let joint = Joint { chain, channel };
+            Self { term, part, joint, of, whose, session, first, to }
         };
         let term = instance.term;
         let parts = parts(mechanism, instance).into_iter();
@@ -56,6 +63,30 @@ impl LawAt {
     pub(crate) fn coordinates(&self) -> impl Iterator<Item = usize> {
         let named = self.term.variables.iter().zip(&self.of);
         named.filter(|(v, _)| matches!(v, Variable::Coordinate(_))).map(|(_, of)| *of)
+    }
+
+    /// The joint whose torque or reach a variable is; none for other variables. `of` is the channel that it
+    /// names.
+    pub(crate) fn hangs(
+        &self,
+        mechanism: &Mechanism,
+        variable: Variable,
+        of: usize,
+    ) -> Option<Joint> {
+        match variable {
+            Variable::Torque | Variable::Reach => Some(self.joint),
+            Variable::TorqueOf(_) => {
+                mechanism.chain_of(of).map(|chain| Joint { chain, channel: Some(of) })
+            }
+            _ => None,
+        }
+    }
+
+    /// The chains of joints that the law names for their torque.
+    pub(crate) fn hung(&self, mechanism: &Mechanism) -> impl Iterator<Item = usize> {
+        let named = self.term.variables.iter().zip(&self.of);
+        let named = named.filter(|(v, _)| matches!(v, Variable::TorqueOf(_)));
+        named.filter_map(|(v, of)| Some(self.hangs(mechanism, *v, *of)?.chain))
     }
 
     /// Gives the law a coordinate of its own, if it adds to no joint's; the number of them.
@@ -103,9 +134,8 @@ fn parts(mechanism: &Mechanism, instance: &Instance) -> Vec<Target> {
 fn number(mechanism: &Mechanism, chain: usize, variable: Variable) -> usize {
     let found = match variable {
         Variable::Theta(k) => mechanism.channels_of(chain).get(k.wrapping_sub(1)).copied(),
-        Variable::Coordinate(name) => mechanism.channel_index(name).ok(),
         Variable::Column(name) => mechanism.value_columns().iter().position(|own| own == name),
-        _ => None,
+        of => of.channel().and_then(|name| mechanism.channel_index(name).ok()),
     };
     found.unwrap_or_default()
 }

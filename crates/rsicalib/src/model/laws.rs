@@ -12,7 +12,7 @@ use crate::kinematics::elements::{Source, Way, Weight};
 use crate::kinematics::posture::{Carried, Lever, Posture};
 use crate::mechanism::{MOST_PARAMETERS, MOST_VARIABLES, Variable};
 use crate::model::compiled::{CompiledClosure, Model};
-use crate::model::law_at::{LawAt, LawRoom};
+use crate::model::law_at::{Joint, LawAt, LawRoom};
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3, dot, minus};
 use crate::readings::Readings;
@@ -40,19 +40,31 @@ impl Model {
         let mut site = self.site(readings, block, &ws.corrected);
         let mut out = [Lanes::ZERO; 1 + MOST_PARAMETERS + MOST_VARIABLES];
         for (l, law) in self.laws.iter().enumerate() {
-            site.channel = law.channel.unwrap_or_default();
+            site.channel = law.joint.channel.unwrap_or_default();
             let term = law.term;
             let mut seen = [Lanes::ZERO; MOST_VARIABLES];
             for ((seen, variable), of) in seen.iter_mut().zip(&term.variables).zip(&law.of) {
                 *seen = match variable {
                     Variable::Theta(_) | Variable::Coordinate(_) => ws.angles[*of],
                     Variable::Column(_) => readings.columns(block)[*of],
+                    Variable::Travelled(_) => {
+                        readings.ways(block)[*of].travelled * self.scales[*of].gain.abs()
+                    }
+                    Variable::SinceTurn(_) => {
+                        readings.ways(block)[*of].since_turn * self.scales[*of].gain
+                    }
                     Variable::Length => self.length_of(law, readings.columns(block), &ws.angles),
-                    Variable::Torque => match (&self.drives, law.channel) {
-                        (Some(drives), Some(c)) => drives.at(block, law.whose, c),
-                        _ => self.torque(law, &ws.unloaded, &ws.carried),
-                    },
-                    Variable::Reach => reach(law, &ws.unloaded, &ws.carried),
+                    Variable::Torque | Variable::TorqueOf(_) | Variable::Reach => {
+                        let joint = law.hangs(&self.mechanism, *variable, *of);
+                        let joint = joint.unwrap_or(law.joint);
+                        match (&self.drives, joint.channel) {
+                            _ if *variable == Variable::Reach => {
+                                reach(joint, &ws.unloaded, &ws.carried)
+                            }
+                            (Some(drives), Some(c)) => drives.at(block, law.whose, c),
+                            _ => self.torque(joint, law.whose, &ws.unloaded, &ws.carried),
+                        }
+                    }
                     own => of_channel(*own, &site),
                 };
             }
@@ -90,11 +102,14 @@ impl Model {
                         }
                         continue;
                     }
-                    Variable::Torque if self.drives.is_some() => continue,
-                    Variable::Torque | Variable::Reach => {
+                    Variable::Torque | Variable::TorqueOf(_) if self.drives.is_some() => continue,
+                    Variable::Torque | Variable::TorqueOf(_) | Variable::Reach => {
+                        let joint = law.hangs(&self.mechanism, *variable, *of);
+                        let joint = joint.unwrap_or(law.joint);
+                        let whose = (*variable != Variable::Reach).then_some(law.whose);
                         let (hung, carried) = (&ws.unloaded, &ws.carried);
                         let gates = &ws.gates;
-                        self.through_posture(law, l, *variable, slope, hung, carried, gates, room);
+                        self.through_posture(joint, whose, l, slope, hung, carried, gates, room);
                         continue;
                     }
                     _ => continue,
@@ -124,14 +139,20 @@ impl Model {
     /// The chains under no load, where a law needs to know how they hang.
     #[inline(always)]
     fn hang(&self, beta: &[f64], ws: &mut Workspace) {
-        let hangs = |law: &LawAt| law.term.has(Variable::Torque) || law.term.has(Variable::Reach);
-        if !self.laws.iter().any(hangs) {
+        let of_law = |law: &LawAt, chain: usize| {
+            let mut variables = law.term.variables.iter().zip(&law.of);
+            variables.any(|(v, of)| {
+                law.hangs(&self.mechanism, *v, *of).is_some_and(|joint| joint.chain == chain)
+            })
+        };
+        let hangs = |chain: usize| self.laws.iter().any(|law| of_law(law, chain));
+        if !(0..self.steps.len()).any(hangs) {
             return;
         }
         ws.unloaded.resize_with(self.steps.len(), Posture::new);
         ws.carried.resize_with(2 * self.steps.len(), Vec::new);
         for (chain, (posture, steps)) in ws.unloaded.iter_mut().zip(&self.steps).enumerate() {
-            if self.laws.iter().any(|law| law.chain == chain && hangs(law)) {
+            if hangs(chain) {
                 posture.take(steps, &ws.angles, beta, &ws.gates);
                 for whose in [Weight::Tip, Weight::Links] {
                     posture.carried(whose, &mut ws.carried[2 * chain + whose as usize]);
@@ -140,43 +161,49 @@ impl Model {
         }
     }
 
-    /// Torque of gravity about the joint of a law: that of its channel, which may drive several.
+    /// Torque of gravity about a joint: that of its channel, which may drive several.
     #[inline(always)]
-    fn torque(&self, law: &LawAt, hung: &[Posture], carried: &[Vec<Carried>]) -> Lanes {
-        let carried = &carried[2 * law.chain + law.whose as usize];
+    fn torque(
+        &self,
+        joint: Joint,
+        whose: Weight,
+        hung: &[Posture],
+        carried: &[Vec<Carried>],
+    ) -> Lanes {
+        let carried = &carried[2 * joint.chain + whose as usize];
         let mut torque = Lanes::ZERO;
-        for j in own_levers(law, hung) {
-            torque += dot(&carried[j].moved_by(&hung[law.chain].levers[j]), &self.gravity);
+        for j in own_levers(joint, hung) {
+            torque += dot(&carried[j].moved_by(&hung[joint.chain].levers[j]), &self.gravity);
         }
         torque
     }
 
-    /// Derivatives of a law through the torque or the reach of its joint.
+    /// Derivatives of a law through the torque of a joint by somebody's weight, or through its reach.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "parts of one workspace")]
     fn through_posture(
         &self,
-        law: &LawAt,
+        joint: Joint,
+        weight: Option<Weight>,
         l: usize,
-        variable: Variable,
         slope: Lanes,
         hung: &[Posture],
         carried: &[Vec<Carried>],
         gates: &[Lanes],
         room: &mut LawRoom,
     ) {
-        let Some(own) = own_levers(law, hung).next() else { return };
-        let levers = &hung[law.chain].levers;
-        let (whose, arm) = match variable {
-            Variable::Torque => (law.whose, None),
-            _ => (Weight::Tip, Some(arm(law, hung, carried))),
+        let Some(own) = own_levers(joint, hung).next() else { return };
+        let levers = &hung[joint.chain].levers;
+        let (whose, arm) = match weight {
+            Some(whose) => (whose, None),
+            None => (Weight::Tip, Some(arm(joint, hung, carried))),
         };
-        let carried = &carried[2 * law.chain + whose as usize];
+        let carried = &carried[2 * joint.chain + whose as usize];
         for (s, by) in levers.iter().enumerate() {
             let change = match &arm {
                 None => {
                     let mut change = Lanes::ZERO;
-                    for j in own_levers(law, hung) {
+                    for j in own_levers(joint, hung) {
                         change += self.torque_slope(levers, carried, j, s);
                     }
                     change
@@ -241,21 +268,21 @@ impl Model {
     }
 }
 
-/// The levers of the joint of a law.
+/// The levers of a joint.
 #[inline(always)]
-fn own_levers<'a>(law: &LawAt, hung: &'a [Posture]) -> impl Iterator<Item = usize> + use<'a> {
-    let source = law.channel.map(Source::Channel);
-    let levers = hung[law.chain].levers.iter().enumerate();
+fn own_levers(joint: Joint, hung: &[Posture]) -> impl Iterator<Item = usize> {
+    let source = joint.channel.map(Source::Channel);
+    let levers = hung[joint.chain].levers.iter().enumerate();
     levers.filter(move |(_, lever)| Some(lever.source) == source).map(|(j, _)| j)
 }
 
-/// The middle of the points that the chain of a law carries, and the direction to it from the
+/// The middle of the points that the chain of a joint carries, and the direction to it from the
 /// joint.
 #[inline(always)]
-fn arm(law: &LawAt, hung: &[Posture], carried: &[Vec<Carried>]) -> (Vec3, Vec3) {
-    let levers = &hung[law.chain].levers;
-    let tip = &carried[2 * law.chain + Weight::Tip as usize];
-    let (Some(j), Some(last)) = (own_levers(law, hung).next(), tip.last()) else {
+fn arm(joint: Joint, hung: &[Posture], carried: &[Vec<Carried>]) -> (Vec3, Vec3) {
+    let levers = &hung[joint.chain].levers;
+    let tip = &carried[2 * joint.chain + Weight::Tip as usize];
+    let (Some(j), Some(last)) = (own_levers(joint, hung).next(), tip.last()) else {
         return ([Lanes::ZERO; 3], [Lanes::ZERO; 3]);
     };
     let mut along = minus(&last.moment, &levers[j].origin);
@@ -264,12 +291,12 @@ fn arm(law: &LawAt, hung: &[Posture], carried: &[Vec<Carried>]) -> (Vec3, Vec3) 
     (last.moment, along)
 }
 
-/// `reach` of a law.
+/// `reach` of a joint.
 #[inline(always)]
-fn reach(law: &LawAt, hung: &[Posture], carried: &[Vec<Carried>]) -> Lanes {
-    let (point, along) = arm(law, hung, carried);
-    let Some(j) = own_levers(law, hung).next() else { return Lanes::ZERO };
-    dot(&along, &minus(&point, &hung[law.chain].levers[j].origin))
+fn reach(joint: Joint, hung: &[Posture], carried: &[Vec<Carried>]) -> Lanes {
+    let (point, along) = arm(joint, hung, carried);
+    let Some(j) = own_levers(joint, hung).next() else { return Lanes::ZERO };
+    dot(&along, &minus(&point, &hung[joint.chain].levers[j].origin))
 }
 
 /// Derivative of the reach from lever `j` by lever `s`: what is before the joint moves both ends.

@@ -215,7 +215,11 @@ fn average(mechanism: &Mechanism, under: &mut Under, beta: &[f64]) -> Result<(),
 
 /// True for a term that depends on where the mechanism came from.
 fn needs_neighbours(instance: &Instance) -> bool {
-    instance.term.needs().iter().any(|needs| matches!(needs, Needs::Approach | Needs::Motion))
+    instance
+        .term
+        .needs()
+        .iter()
+        .any(|needs| matches!(needs, Needs::Approach | Needs::Way | Needs::Motion))
 }
 
 /// Rows that are compared: those in which everything unknown is the result's.

@@ -306,7 +306,7 @@ fn refuse(mechanism: &Mechanism) -> Result<(), Error> {
 fn refuse_context(under: &Under) -> Result<(), Error> {
     for instance in &under.model.instances {
         let Info { id, needs, .. } = instance.term.info();
-        if matches!(needs, Needs::Approach | Needs::Motion | Needs::Temperature) {
+        if matches!(needs, Needs::Approach | Needs::Way | Needs::Motion | Needs::Temperature) {
             return Err(Error::Context { term: id, needs: needs.words() });
         }
     }

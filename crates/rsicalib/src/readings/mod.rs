@@ -10,6 +10,7 @@ pub mod plain;
 pub mod sampled;
 mod samples;
 mod table;
+pub(crate) mod way;
 
 pub(crate) use along::{along, ascending};
 pub use block::Block;

@@ -16,6 +16,7 @@ use crate::readings::context::{STRETCH, direction, is_motion, sides, standstills
 use crate::readings::course::{CourseAt, Courses};
 use crate::readings::holding::Holding;
 use crate::readings::table::{Table, mean_of, rows_of};
+use crate::readings::way::Way;
 
 /// Temperatures this near to the one they count from show nothing of it [K].
 const STEADY: f64 = 0.05;
@@ -71,6 +72,7 @@ pub struct Readings {
     still: Vec<f64>,
     sides: OnceLock<Vec<i8>>,
     motion: OnceLock<Motion>,
+    ways: OnceLock<Vec<WayAt>>,
     courses: OnceLock<Courses>,
     /// The recording of whose stretches these are means, and the middle row of each.
     whole: Option<(Arc<Self>, Vec<usize>)>,
@@ -81,6 +83,15 @@ pub struct Readings {
 struct Motion {
     approach: Vec<Lanes>,
     velocity: Vec<Lanes>,
+}
+
+/// What one channel has of its way, in the unit of readings.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct WayAt {
+    /// The path since the session began.
+    pub(crate) travelled: Lanes,
+    /// How far it is from where it turned last, with its sign.
+    pub(crate) since_turn: Lanes,
 }
 
 impl Readings {
@@ -222,6 +233,7 @@ impl Readings {
             still: self.still.clone(),
             sides: sides.into(),
             motion: OnceLock::new(),
+            ways: OnceLock::new(),
             courses: OnceLock::new(),
             whole: Some((self.clone(), middles)),
         };
@@ -296,6 +308,7 @@ impl Readings {
             still: standstills(&mechanism.channels),
             sides: OnceLock::new(),
             motion: OnceLock::new(),
+            ways: OnceLock::new(),
             courses: OnceLock::new(),
             whole: None,
         };
@@ -392,7 +405,7 @@ impl Readings {
         self.raw.clear();
         self.raw.extend(reading.iter().map(|value| Lanes::splat(*value)));
         (self.sides, self.motion) = (OnceLock::new(), OnceLock::new());
-        self.courses = OnceLock::new();
+        (self.ways, self.courses) = (OnceLock::new(), OnceLock::new());
         check(mechanism, &self.table).map(|_| ())
     }
 
@@ -504,6 +517,59 @@ impl Readings {
     #[inline(always)]
     pub fn approach(&self, block: usize) -> &[Lanes] {
         part(&self.motion().approach, block, self.channels)
+    }
+
+    /// The way of each channel to the samples of a block. Found when first asked for; empty for an index
+    /// beyond the last block.
+    #[must_use]
+    pub(crate) fn ways(&self, block: usize) -> &[WayAt] {
+        part(self.ways.get_or_init(|| self.laid_out_ways()), block, self.channels)
+    }
+
+    /// Ways from visit to visit, in blocks: a visit is a held pose until another comes, or a row of a recording.
+    fn laid_out_ways(&self) -> Vec<WayAt> {
+        let (whole, rows) = match &self.whole {
+            Some((whole, middles)) => (&**whole, Some(middles)),
+            None => (self, None),
+        };
+        let table = &whole.table;
+        let goes_on = |row: usize| {
+            row > 0
+                && whole.pose[row] == whole.pose[row - 1]
+                && table.session_of(row) == table.session_of(row - 1)
+        };
+        let firsts: Vec<usize> = (0..whole.samples).filter(|&row| !goes_on(row)).collect();
+        let begins: Vec<bool> = (0..firsts.len())
+            .map(|v| v == 0 || table.session_of(firsts[v]) != table.session_of(firsts[v - 1]))
+            .collect();
+        let mut visit = vec![0; whole.samples];
+        for (v, &first) in firsts.iter().enumerate() {
+            let end = firsts.get(v + 1).copied().unwrap_or(whole.samples);
+            visit[first..end].fill(v);
+        }
+        let of_channel = |c: usize| {
+            let mut sums = vec![[0.0; 2]; firsts.len()];
+            for (row, &v) in visit.iter().enumerate() {
+                sums[v][0] += table.values[row * whole.channels + c];
+                sums[v][1] += 1.0;
+            }
+            let readings: Vec<f64> = sums.iter().map(|[sum, count]| sum / count).collect();
+            let way = Way { readings: &readings, begins: &begins, still: whole.still[c] };
+            (way.travelled(), way.since_turn())
+        };
+        let ways: Vec<(Vec<f64>, Vec<f64>)> = (0..whole.channels).map(of_channel).collect();
+        let visit_of = |row: usize| visit[rows.map_or(row, |middles| middles[row])];
+        let of_block = |block: &Block| {
+            let visits = block.rows.map(visit_of);
+            let at = |of: &[f64]| Lanes(visits.map(|v| of[v]));
+            let each = ways.iter();
+            each.map(|(travelled, since_turn)| WayAt {
+                travelled: at(travelled),
+                since_turn: at(since_turn),
+            })
+            .collect::<Vec<_>>()
+        };
+        self.blocks.iter().flat_map(of_block).collect()
     }
 
     /// Velocity of each channel in a block, in readings per second. Empty for an index beyond the

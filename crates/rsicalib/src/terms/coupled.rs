@@ -51,9 +51,23 @@ impl Coupled {
         self.whole.run(input, out);
     }
 
-    /// True where the law depends on a variable.
+    /// The channels on whose torques the law depends: `own`, and those that it names.
+    pub(crate) fn weighed(
+        &self,
+        own: Vec<usize>,
+        index: impl Fn(&str) -> Option<usize>,
+    ) -> Vec<usize> {
+        let of = |variable: &Variable| match variable {
+            Variable::Torque => own.clone(),
+            Variable::TorqueOf(name) => index(name).into_iter().collect(),
+            _ => Vec::new(),
+        };
+        self.variables.iter().flat_map(of).collect()
+    }
+
+    /// True where the law depends on a torque.
     #[must_use]
-    pub fn has(&self, wanted: Variable) -> bool {
-        self.variables.contains(&wanted)
+    pub fn weighs(&self) -> bool {
+        self.variables.iter().any(|v| matches!(v, Variable::Torque | Variable::TorqueOf(_)))
     }
 }

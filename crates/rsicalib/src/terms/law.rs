@@ -117,7 +117,8 @@ fn needs(variable: Variable) -> Needs {
         Variable::Temperature => Needs::Temperature,
         Variable::Direction => Needs::Approach,
         Variable::Velocity => Needs::Motion,
-        Variable::Torque => Needs::Gravity,
+        Variable::Travelled(_) | Variable::SinceTurn(_) => Needs::Way,
+        Variable::Torque | Variable::TorqueOf(_) => Needs::Gravity,
         _ => Needs::Nothing,
     }
 }
@@ -134,7 +135,7 @@ fn unit(law: &Law, formula: &Formula, k: usize) -> String {
         Variable::Reading => Some("reading"),
         Variable::Temperature => Some("K"),
         Variable::Velocity => Some("(reading/s)"),
-        Variable::Torque => Some("torque"),
+        Variable::Torque | Variable::TorqueOf(_) => Some("torque"),
         Variable::Reach | Variable::Length => Some("length"),
         Variable::Column(name) => Some(name),
         _ => None,
@@ -205,8 +206,10 @@ impl LawTerm {
     fn knows_its_names(&self, mechanism: &Mechanism) -> bool {
         self.variables.iter().all(|variable| match variable {
             Variable::Column(name) => mechanism.value_columns().iter().any(|own| own == name),
-            Variable::Coordinate(name) => mechanism.channel_index(name).is_ok(),
-            _ => true,
+            Variable::TorqueOf(name) => {
+                mechanism.channel_index(name).is_ok_and(|c| mechanism.moves_joint(c))
+            }
+            of => of.channel().is_none_or(|name| mechanism.channel_index(name).is_ok()),
         })
     }
 
@@ -275,6 +278,7 @@ pub(crate) fn of_channel(variable: Variable, site: &Site) -> Lanes {
         Variable::Direction => site.approach[site.channel],
         Variable::Velocity => site.velocity[site.channel],
         Variable::Theta(_) | Variable::Coordinate(_) | Variable::Column(_) => Lanes::ZERO,
+        Variable::Travelled(_) | Variable::SinceTurn(_) | Variable::TorqueOf(_) => Lanes::ZERO,
         Variable::Torque | Variable::Reach | Variable::Length => Lanes::ZERO,
     }
 }
@@ -300,7 +304,7 @@ mod tests {
     use crate::terms::laws;
 
     /// Laws of every class and of every variable: class, target, axis, formula.
-    const LAWS: [(Class, Per, Option<Moves>, &str); 18] = [
+    const LAWS: [(Class, Per, Option<Moves>, &str); 22] = [
         (Class::Sensor, Per::Channel, None, "a*sin(3*phi) + b*(cos(3*phi) - 1)"),
         (Class::Sensor, Per::Channel, None, "a*u^3 + b*reading*1e-4"),
         (Class::Sensor, Per::Channel, None, "a*temperature*u + b*t"),
@@ -319,6 +323,10 @@ mod tests {
         (Class::Geometry, Per::Row, Some(Moves::Rx), "a*bar*theta[q32] + b*u"),
         (Class::Closure, Per::Closure, None, "a*length + b*bar*t"),
         (Class::Closure, Per::All, None, "a*theta[q21]*length^2"),
+        (Class::Sensor, Per::Channel, None, "a*(1 - exp(-travelled[q21]))*(1 + 0.3*u)"),
+        (Class::Closure, Per::Closure, None, "a*since_turn[q12] + b*travelled[q21]"),
+        (Class::Sensor, Per::Channel, None, "a*torque[q21]*(1 + 0.3*u)"),
+        (Class::Geometry, Per::Chain, Some(Moves::Tz), "a*torque[q12]*torque + b*reach"),
     ];
 
     fn terms() -> impl Iterator<Item = &'static dyn Term> {
@@ -383,6 +391,10 @@ mod tests {
             "rad",
             "rad/bar",
             "length/length",
+            "unit of the law",
+            "rad",
+            "length",
+            "rad/torque",
             "unit of the law",
         ];
         assert_eq!(units, expected);

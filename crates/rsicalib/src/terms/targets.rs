@@ -182,7 +182,7 @@ pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> 
         Needs::Nothing => true,
         Needs::Order => readings.timed && readings.poses() > 2,
         Needs::Temperature => readings.tempered,
-        Needs::Approach => (readings.held || readings.timed) && readings.poses() > 2,
+        Needs::Approach | Needs::Way => (readings.held || readings.timed) && readings.poses() > 2,
         Needs::Motion => !readings.held && readings.timed,
         Needs::Gravity => mechanism.gravity.is_some(),
         Needs::Masses => (mechanism.gravity.is_some() && masses()) || torques(),

@@ -31,6 +31,8 @@ pub enum Needs {
     Temperature,
     /// Held poses: the direction of approach of each.
     Approach,
+    /// Held poses or a recording: the way of each channel from one to the next.
+    Way,
     /// A recording in motion: velocities.
     Motion,
     /// The direction of gravity.
@@ -54,6 +56,7 @@ impl Needs {
             Self::Order => "time_s",
             Self::Temperature => "temperature_c that changes",
             Self::Approach => "held poses or time_s, to approach from",
+            Self::Way => "held poses or time_s, in the order in which they were visited",
             Self::Motion => "recording in motion with time_s",
             Self::Gravity => "direction of gravity in the mechanism",
             Self::Masses => "link masses in the mechanism",

@@ -8,7 +8,6 @@
 
 mod evidence;
 pub(crate) mod formula;
-mod history;
 pub mod variables;
 
 use crate::Error;
@@ -223,7 +222,7 @@ fn instances(of: &[Scored]) -> Vec<Instance> {
 /// True where an effect is a function of a quantity: a law over it holds what the effect does.
 fn is_over(instance: &Instance, quantity: Quantity) -> bool {
     match instance.term.info().needs {
-        Needs::Nothing | Needs::Motion => false,
+        Needs::Nothing | Needs::Way | Needs::Motion => false,
         Needs::Order => quantity == Quantity::Time,
         Needs::Temperature => quantity == Quantity::Temperature,
         Needs::Approach => matches!(quantity, Quantity::Direction(_)),

@@ -1,11 +1,11 @@
 //! The variables of a session on which an error may depend.
 
 use crate::Error;
-use crate::diagnosis::unknown_law::history::Way;
 use crate::estimate::Observations;
 use crate::estimate::at_fit::AtFit;
 use crate::model::Model;
 use crate::readings::context::standstills;
+use crate::readings::way::Way;
 
 /// What an error may depend on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

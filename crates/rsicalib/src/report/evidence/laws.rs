@@ -240,7 +240,7 @@ fn variable(observations: &Observations, instance: &Instance, acts: &Correction)
     };
     let info = instance.term.info();
     match (instance.term.placed(), info.needs, instance.term.acts()) {
-        (Placed::AtPose, ..) | (_, Needs::Order, _) => time(),
+        (Placed::AtPose, ..) | (_, Needs::Order | Needs::Way, _) => time(),
         (Placed::AtChannel, ..) => of_channel(instance.place),
         (_, Needs::Temperature, _) => {
             let values = readings.table.temperature.clone().unwrap_or_default();

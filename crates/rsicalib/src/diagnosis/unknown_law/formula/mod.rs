@@ -195,32 +195,47 @@ fn name(at: &AtFit, rows: &[usize], channel: usize, quantity: Quantity) -> Optio
     let of = |value: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
         rows.iter().map(|&row| value(lanes[row].0, lanes[row].1)).collect()
     };
-    let plain = |text: &str, values| Named { text: text.into(), values, turns: false, time: false };
+    let plain =
+        |text: &str, values| Named { text: text.into(), values, turns: false, grows: false };
     Some(match quantity {
         Quantity::Theta(c) => {
             let coordinates = coordinates(at, c);
             let values = of(&|block, lane| coordinates[block].0[lane]);
             let turns = mechanism.moves_joint(c) && !mechanism.slides(c);
             let text = format!("theta[{}]", mechanism.channels[c].name);
-            Named { text, values, turns, time: false }
+            Named { text, values, turns, grows: false }
         }
         Quantity::Time => {
             let values = of(&|block, lane| readings.blocks()[block].time.0[lane]);
-            Named { time: true, ..plain("t", values) }
+            Named { grows: true, ..plain("t", values) }
         }
         Quantity::Temperature => {
             plain("temperature", of(&|block, lane| readings.blocks()[block].temperature.0[lane]))
         }
         // Of drives in closed loops `torque` is another, (46).
-        Quantity::Torque(c) if c == channel && !mechanism.tells_of_drives() => {
+        Quantity::Torque(c) if mechanism.moves_joint(c) && !mechanism.tells_of_drives() => {
             let torques = Model::torques(mechanism, readings, |b| at.settled(b)).ok()?;
-            plain("torque", of(&|block, lane| torques[block][c].0[lane]))
+            let other = format!("torque[{}]", mechanism.channels[c].name);
+            let text = if c == channel { "torque" } else { &other };
+            plain(text, of(&|block, lane| torques[block][c].0[lane]))
         }
         Quantity::Direction(c) if c == channel => {
             plain("direction", of(&|block, lane| readings.approach(block)[c].0[lane]))
         }
         Quantity::Velocity(c) if c == channel => {
             plain("velocity", of(&|block, lane| readings.velocity(block)[c].0[lane]))
+        }
+        Quantity::Travelled(c) => {
+            let gain = mechanism.channels[c].gain.abs();
+            let path = |block: usize, lane: usize| readings.ways(block)[c].travelled.0[lane];
+            let text = format!("travelled[{}]", mechanism.channels[c].name);
+            Named { grows: true, ..plain(&text, of(&|block, lane| gain * path(block, lane))) }
+        }
+        Quantity::SinceTurn(c) => {
+            let gain = mechanism.channels[c].gain;
+            let way = |block: usize, lane: usize| readings.ways(block)[c].since_turn.0[lane];
+            let text = format!("since_turn[{}]", mechanism.channels[c].name);
+            plain(&text, of(&|block, lane| gain * way(block, lane)))
         }
         Quantity::Column(k) => {
             let name = mechanism.value_columns().swap_remove(k);

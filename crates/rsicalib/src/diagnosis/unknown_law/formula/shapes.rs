@@ -11,7 +11,7 @@ stated! {
     fn parts_of_formulas() -> usize = 8;
 }
 
-/// Decays of time: these parts of a session.
+/// Decays of what grows from zero: these parts of the largest.
 const DECAYS: [f64; 3] = [0.05, 0.15, 0.5];
 
 /// Digits of a number in a formula.
@@ -26,7 +26,8 @@ pub(super) struct Named {
     pub(super) values: Vec<f64>,
     /// An angle, of which there are waves.
     pub(super) turns: bool,
-    pub(super) time: bool,
+    /// Time or a path: from zero on, of which there are decays.
+    pub(super) grows: bool,
 }
 
 impl Named {
@@ -194,8 +195,8 @@ fn shapes(x: &Named, alone: bool) -> Vec<Shape> {
             out.extend([0.0, FRAC_PI_2].map(|phase| Shape::Wave { order, phase }));
         }
     }
-    if x.time {
-        out.extend(DECAYS.map(|length| Shape::Decay { length }));
+    if x.grows {
+        out.extend(DECAYS.map(|part| Shape::Decay { length: written(part * high) }));
     }
     for part in 1..parts_of_formulas() {
         let at = written(low + (high - low) * part as f64 / parts_of_formulas() as f64);
@@ -212,13 +213,13 @@ mod tests {
 
     fn angle(text: &str) -> Named {
         let values = (0..9).map(|p| (p as f64 - 2.0) / 4.0).collect();
-        Named { text: text.into(), values, turns: true, time: false }
+        Named { text: text.into(), values, turns: true, grows: false }
     }
 
     /// A formula is read as the value that it was made with.
     #[test]
     fn texts_say_what_the_values_are() {
-        let named = [angle("x"), Named { time: true, ..angle("y") }];
+        let named = [angle("x"), Named { grows: true, ..angle("y") }];
         for product in products(&named) {
             let inner = |f: &(usize, super::Shape)| f.1.inner(&named[f.0].span()).len();
             let moved = Product(

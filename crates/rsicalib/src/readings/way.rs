@@ -1,6 +1,6 @@
 //! What a channel remembers of the way by which it came to a reading.
 //!
-//! The way is that of readings as a fit settles them, one for each held pose: noise travels nowhere and
+//! The way goes from held pose to held pose, or from row to row of a recording: noise travels nowhere and
 //! turns nowhere. What moves by less than a standstill has not moved.
 
 /// The way of one channel, sample by sample.
