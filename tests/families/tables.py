@@ -87,4 +87,4 @@ def _narrow(value: str) -> str:
     rate = re.search(r"(\d+) of (\d+)$", value)
     if rate:
         return f"{rate[1]}/{rate[2]}"
-    return re.sub(r"(\w+) (\d+),?", lambda said: said[2] + LETTERS.get(said[1], said[1]), value)
+    return re.sub(r"(\w+) (\d+),?", lambda said: said[2] + LETTERS.get(said[1], f" {said[1]}"), value)
