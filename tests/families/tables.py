@@ -87,4 +87,5 @@ def _narrow(value: str) -> str:
     rate = re.search(r"(\d+) of (\d+)$", value)
     if rate:
         return f"{rate[1]}/{rate[2]}"
-    return re.sub(r"(\w+) (\d+),?", lambda said: said[2] + LETTERS.get(said[1], f" {said[1]}"), value)
+    verdicts = re.findall(r"(\w+) (\d+)", value)
+    return " ".join(n + LETTERS.get(verdict, f" {verdict}") for verdict, n in verdicts) or value
