@@ -56,8 +56,8 @@ HEAD = """# Laws that no term has
 Written by `{command} --report docs/unknown.md`: {devices} machines
 of {families} families. The error of one channel is a product of one or two factors: powers, waves
 and thresholds of joints, torques, paths travelled, play that remembers its last turns;
-noncentrality 30 to 300. The search does not know that grammar, and the arithmetic is the simulator's own. [The
-search](search.md) says how such a law is weighed beside what was found.
+noncentrality 30 to 300. The search does not know that grammar, and the arithmetic is the
+simulator's own. [The search](search.md) says how such a law is weighed beside what was found.
 
 - *place right*: the channel is named, or blamed, or what is left is said to be there.
 - *variables*: `unexplained.depends_on` names one of the law's variables, or says that it cannot be
