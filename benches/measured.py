@@ -13,6 +13,7 @@ import csv
 import shutil
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -56,7 +57,15 @@ class Row:
 
     case: Case
     figures: dict[str, str] = field(default_factory=dict)
-    says: list[str] = field(default_factory=list)
+    traces: dict[str, list[str]] = field(default_factory=dict)
+    """By what was fitted: cells of the drawing's gravity, then of that along y."""
+    errors: list[str] = field(default_factory=list)
+
+    @property
+    def robot(self) -> str:
+        """Its name, with what was dropped."""
+        dropped = self.case.dropped
+        return self.case.robot + (f" without {', '.join(dropped)}" if dropped else "")
 
 
 class Workshop:
@@ -114,7 +123,7 @@ def measure(shop: Workshop, case: Case) -> Row:
             )
         except rsicalib.RsicalibError as error:
             row.figures[name] = "not found"
-            row.says.append(f"{name}: {error}")
+            row.errors.append(f"{row.robot}, {name}: {error}")
             continue
         assert found.groups is not None
         row.figures["nominal"] = pair(found.groups.nominal_fitted, found.groups.nominal_others, 2)
@@ -122,27 +131,23 @@ def measure(shop: Workshop, case: Case) -> Row:
         if name == "typical sizes":
             continue
         if found.verdict == "undetermined":
-            row.says.append(f"{name}: {found.termination}")
-        if not turned:
-            row.says += map(str, found.warnings)
+            row.errors.append(f"{row.robot}, {name}: {found.termination}")
+        if name == "compliance":
+            signs = [w.target for w in found.warnings if w.kind == "unphysical_sign"]
+            row.figures["negative"] = ", ".join(filter(None, signs)) or "–"
         if found.fit.chi2 is not None:
             chi2[name] = found.fit.chi2
         if name == "geometry" and found.fit.p_value is not None:
-            p_value = "" if found.fit.p_value < 1e-300 else f", p = {found.fit.p_value:.1g}"
-            row.says.append(
-                f"geometry alone leaves χ² {found.fit.chi2:.0f} for {found.fit.dof:.0f} degrees of "
-                f"freedom of the declared play{p_value}"
-            )
+            p_value = found.fit.p_value
+            row.figures["chi2"] = f"{found.fit.chi2:.0f} / {found.fit.dof:.0f}"
+            row.figures["p"] = "< 1e-300" if p_value < 1e-300 else f"{p_value:.1g}"
     everything = rsicalib.calibrate(readings, shop.mechanism(case.robot))
     if everything.between is not None and everything.between.halves is not None:
         halves = everything.between.halves
         row.figures["halves"] = f"{halves.chi2_within:.2f} / {halves.chi2_between:.2f}"
     if len(chi2) == 3:
         falls = [chi2["geometry"] - chi2[name] for name in ("compliance", "control")]
-        row.says.append(
-            f"compliance of all joints: χ² falls by {falls[0]:.0f}; with gravity along y by "
-            f"{falls[1]:.0f}"
-        )
+        row.figures["falls"] = " / ".join(f"{fall:.0f}" for fall in falls)
     trace(shop, row, readings)
     return row
 
@@ -159,64 +164,71 @@ def short(shop: Workshop, case: Case) -> str:
         rsicalib.trace(readings, mechanism, fit_groups=fitted),
     )
     others = [found.groups.others if found.groups is not None else None for found in verbs]
-    robot = case.robot + (f" without {', '.join(case.dropped)}" if case.dropped else "")
+    robot = Row(case).robot
     figures = ["–" if v is None else f"{v * MM:.3f}" for v in others]
     return f"| {' | '.join([robot, ', '.join(fitted), *figures])} |"
 
 
 def trace(shop: Workshop, row: Row, readings: rsicalib.Readings) -> None:
-    """What tracing the residual says, on the groups fitted and on all of them."""
+    """What tracing the residual finds, on the groups fitted and on all of them."""
     everything = list(dict.fromkeys(readings.keys["group"]))
     for what, fitted in (("fitted groups", list(row.case.fitted)), ("all groups", everything)):
         if what == "all groups" and fitted == list(row.case.fitted):
             continue
         for turned in (False, True):
-            label = f"trace, {what}" + (", gravity along y" if turned else "")
             try:
                 mechanism = shop.mechanism(row.case.robot, turned)
                 found = rsicalib.trace(readings, mechanism, fit_groups=fitted)
             except rsicalib.RsicalibError as error:
-                row.says.append(f"{label}: {error}")
+                row.errors.append(f"{row.robot}, trace of {what}: {error}")
                 continue
-            row.says.append(f"{label}: {in_words(found)}")
-            if turned or found.groups is None:
+            verdict = (found.verdict or "not judged").replace("_", " ")
+            cells = [verdict, effects(found), applied(found)]
+            if turned:
+                row.traces.setdefault(what, []).extend(cells)
+                continue
+            row.traces[what] = [*cells, left_out(found), left(found)]
+            if found.groups is None:
                 continue
             if what == "fitted groups":
                 row.figures["traced"] = pair(found.groups.fitted, found.groups.others, 3)
             count = sum(e.samples or 0 for e in found.excluded)
-            row.figures[what] = f"{(found.verdict or 'not judged').replace('_', ' ')}, {count}"
+            row.figures[what] = f"{verdict}, {count}"
 
 
-def in_words(found: rsicalib.Trace) -> str:
-    """Verdict, steps, what was left out, and what remains."""
-    parts = [f"**{(found.verdict or 'not judged').replace('_', ' ')}**"]
+def effects(found: rsicalib.Trace) -> str:
+    """What is named, in brackets where it is not applied, and what ties with it."""
+    parts = []
     for step in found.steps:
-        values = [f"{p.value:.2g}" for p in step.parameters if p.value is not None]
-        size = ", ".join(values) if len(values) < 4 else f"{len(values)} waves"
-        also = [f"{a.term}@{a.target}" for a in step.also_fits]
-        p_value = "" if step.p_value is None else f", p = {step.p_value:.1g}"
-        notes = "; ".join(dict.fromkeys(p.note for p in step.parameters if p.note))
-        parts.append(
-            f"{step.term}@{step.target} ({size}{p_value})"
-            + ("" if step.applied else ", not applied")
-            + (f", as well {', '.join(also)}" if also else "")
-            + (f", {notes}" if notes else "")
-        )
-    if found.elsewhere is not None:
-        e = found.elsewhere
-        left_out = ", ".join(f"{MM * v:.3f}" for v in (e.without, e.applied, e.again) if v)
-        again = "" if e.again is None else ", found again"
-        parts.append(f"{e.blocks} {e.kind} left out: {left_out} mm without effects, used{again}")
-    if found.excluded:
-        count = sum(e.samples or 0 for e in found.excluded)
-        parts.append(f"{count} samples left out")
-        parts += [f"{e.group or e.pose}: {e.reason}" for e in found.excluded]
-    if found.groups is not None:
-        figures = pair(found.groups.fitted, found.groups.others, 3)
-        parts.append(f"then {figures} mm")
-    if found.unexplained is not None:
-        parts.append(found.unexplained.text)
-    return "; ".join(parts)
+        name = f"{step.term}@{step.target}"
+        also = " = ".join(f"{a.term}@{a.target}" for a in step.also_fits)
+        parts.append((name if step.applied else f"({name})") + (f" = {also}" if also else ""))
+    return ", ".join(parts) or "–"
+
+
+def applied(found: rsicalib.Trace) -> str:
+    """Errors on blocks that were left out: without effects, used, found again."""
+    e = found.elsewhere
+    if e is None:
+        return "–"
+    return " / ".join(f"{MM * v:.3f}" for v in (e.without, e.applied, e.again) if v is not None)
+
+
+def left_out(found: rsicalib.Trace) -> str:
+    """How many samples were left out, by place and kind."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for e in found.excluded:
+        counts[e.group or str(e.pose), e.kind.replace("_", " ")] += e.samples or 0
+    return "; ".join(f"{place}: {n} {kind}" for (place, kind), n in counts.items()) or "–"
+
+
+def left(found: rsicalib.Trace) -> str:
+    """What is left, where, and on what a law that no term has would depend."""
+    u = found.unexplained
+    if u is None:
+        return "–"
+    law = " and ".join(d.variable for d in u.depends_on)
+    return " ".join(filter(None, [u.kind, u.target, law and f"({law})"])).replace("_", " ")
 
 
 def pair(fitted: float | None, others: float | None, digits: int) -> str:
@@ -228,29 +240,38 @@ def pair(fitted: float | None, others: float | None, digits: int) -> str:
 HEAD = """\
 # Measured: real arms that touch sockets
 
-Made by `python benches/measured.py`; the data and their source are described in the README of
-`mukca`. A ball on the tool rests in one of two sockets of a plate that was moved between groups;
-nothing but joint angles is known. Fit: `rsicalib.calibrate(readings, mechanism, fit_groups=…)`.
+Made by `python benches/measured.py`; the README of `mukca` describes the data and their source. A
+ball on the tool rests in one of two sockets of a plate that was moved between groups; only joint
+angles are known. Fit: `rsicalib.calibrate(readings, mechanism, fit_groups=…)`.
 
 The measure is the authors': for each group the mean distance of the predicted ball from its own
 mean at its socket, sockets weighted by their samples; then a plain mean over groups. In mm, groups
 that were fitted / all others. **Closure is not accuracy**: there are no check poses here. A model
 that repeats sockets it has not seen is the better one; how far it is off in the room is not known.
 
-*Geometry, typical sizes* draws all frames towards the drawing as errors of typical sizes ask;
-*geometry* estimates how large the errors of this drawing are, (153) of [the model](model.md), and
-so do all columns after it.
-
-*Control* is `+ compliance` with gravity along y: the same number of parameters, with no physics. A
-gain that it has too is not from weight. *Traced* is `rsicalib.trace(…)` from the geometry, of the
-fitted groups; nobody tells it of compliance. What it finds is applied where it helps on blocks that
-were left out of the fitted groups, the search made again without them. The next columns are its
-verdict, and how many samples it left out, on the fitted groups and on all of them. *Halves* are χ²
-per parameter of the difference between two halves of all placements, by what is within placements,
-and with what changes between them; [Intervals, counted](intervals.md#between-placements) says what
-to expect of the second.
+- *Geometry, typical sizes* draws all frames towards the drawing as errors of typical sizes ask;
+  *geometry*, and all columns after it, estimates how large the errors of this drawing are, (153) of
+  [the model](model.md).
+- *Control* is `+ compliance` with gravity along y: as many parameters, with no physics. A gain that
+  it has too is not from weight.
+- *Traced* is `rsicalib.trace(…)` from the geometry, of the fitted groups; nobody tells it of
+  compliance. The next columns are its verdict and how many samples it left out, on the fitted
+  groups and on all of them.
+- *Halves* are χ² per parameter of the difference between two halves of all placements, by what is
+  within placements, and with what changes between them; [Intervals,
+  counted](intervals.md#between-placements) says what to expect of the second.
 """
 
+TRACES = """\
+## What the traces find
+
+An effect in brackets is named and not applied: it does not help on blocks that were left out of the
+fitted groups, the search made again without them. After `=` stands what fits as well. *Blocks* are
+errors there in mm: without effects / with what is applied / with what is found again (not for
+parts of the workspace). *Left out*: samples, by place and kind. *Left*: what is left, where, and in
+brackets on what a law that no term has would depend. The columns *along y* are the same trace with
+gravity along y, which has no physics.
+"""
 
 COLUMNS = {
     "nominal": "nominal",
@@ -264,24 +285,48 @@ COLUMNS = {
     "halves": "halves",
 }
 
+LEAVES = {
+    "chi2": "χ² of geometry / degrees of freedom",
+    "p": "p",
+    "falls": "χ² falls by compliance / by the control",
+    "negative": "compliance that is negative, and so stands for something else",
+}
+
+TRACED = ("verdict", "effects", "blocks", "left out", "left")
+
 
 def page(rows: list[Row]) -> str:
     """The Markdown page."""
-    heads = ["robot", "fitted on", "authors", *COLUMNS.values()]
-    lines = [HEAD, "## Every robot", "", f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    lines = [HEAD, "## Every robot", ""]
+    lines += head("robot", "fitted on", "authors", *COLUMNS.values())
     for row in rows:
-        case = row.case
-        robot = case.robot + (f" without {', '.join(case.dropped)}" if case.dropped else "")
         figures = [row.figures.get(k, "–") for k in COLUMNS]
-        cells = [robot, ", ".join(case.fitted), case.published or "–", *figures]
-        lines.append(f"| {' | '.join(cells)} |")
-    lines += ["", "## What it says of each", ""]
+        fitted = ", ".join(row.case.fitted)
+        lines.append(cells(row.robot, fitted, row.case.published or "–", *figures))
+    lines += ["", "## What geometry leaves", "", *head("robot", "fitted on", *LEAVES.values())]
     for row in rows:
-        case = row.case
-        robot = case.robot + (f" without {', '.join(case.dropped)}" if case.dropped else "")
-        lines.append(f"**{robot}**, fitted on {', '.join(case.fitted)}:")
-        lines += ["", *(f"- {' '.join(word.split())}" for word in row.says), ""]
-    return "\n".join(lines).rstrip() + "\n"
+        figures = [row.figures.get(k, "–") for k in LEAVES]
+        lines.append(cells(row.robot, ", ".join(row.case.fitted), *figures))
+    columns = [*TRACED, *(f"{name} along y" for name in TRACED[:3])]
+    lines += ["", TRACES, *head("robot", "groups", *columns)]
+    traced = []
+    for row in rows:
+        for what, found in row.traces.items():
+            groups = ", ".join(row.case.fitted) if what == "fitted groups" else "all"
+            traced.append(cells(row.robot, groups, *found))
+    lines += list(dict.fromkeys(traced))
+    errors = [f"- {' '.join(error.split())}" for row in rows for error in row.errors]
+    return "\n".join([*lines, *(["", *errors] if errors else [])]) + "\n"
+
+
+def head(*names: str) -> list[str]:
+    """The first two lines of a table."""
+    return [cells(*names), "|---" * len(names) + "|"]
+
+
+def cells(*words: str) -> str:
+    """A line of a table."""
+    return f"| {' | '.join(words)} |"
 
 
 def main(argv: list[str] | None = None) -> int:

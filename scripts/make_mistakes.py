@@ -6,24 +6,31 @@ came. `tests/test_mistakes.py` makes the small ones again.
 
 from __future__ import annotations
 
+import re
 import tempfile
 from pathlib import Path
 
 from rsicalib.io.files import write_text
-from scripts.mistakes.catalogue import MISTAKES, Mistake
+from scripts.mistakes.catalogue import CALIBRATE, FORWARD, MISTAKES, Mistake
 from scripts.mistakes.run import Came, prepared, run
 
 PAGE = Path(__file__).parents[1] / "docs" / "mistakes.md"
-WIDEST = 150
-"""Characters of a message that the table shows."""
+BEGIN, END = 60, 40
+"""Characters of the begin and the end of a message that the table shows."""
 
-HEAD = """\
+ADVICE = re.compile(r" (Correct the file, or drop such rows with .*|See 'rsicalib[^']*')\.$")
+"""What refusals of rows and of options end with."""
+
+HEAD = f"""\
 # Mistakes, and what came
 
 Written by `python -m scripts.make_mistakes`: each mistake was made with the command, in a folder
-with a copy of the demo's files. Where the command can go on, the table shows the first line that it
-prints. The model lacks an effect of the demo's session, so `calibrate` ends with exit code 4 where
-a mistake did no harm; [commands.md](commands.md) says what the exit codes mean.
+with a copy of the demo's files. Where no command is shown, and for `…`, it is
+`rsicalib {CALIBRATE}`; `forward` is
+`rsicalib {FORWARD}`. The table shows begin and end of the first
+line that is printed: with exit code 2 what follows `error:`, without the advice how to drop bad
+rows or to ask for help. The model lacks an effect of the demo's session, so `calibrate` ends with
+exit code 4 where a mistake did no harm; [commands.md](commands.md) says what the exit codes mean.
 
 | mistake | command | exit | first line |
 |---|---|---|---|
@@ -60,8 +67,13 @@ def made(mistake: Mistake, good: Path) -> Came:
 
 
 def _row(mistake: Mistake, came: Came, figures: list[str]) -> str:
-    line = came.line if len(came.line) <= WIDEST else came.line[:WIDEST] + "…"
-    words = f"`rsicalib {mistake.words} {mistake.shell}".strip().replace("|", "\\|") + "`"
+    line = came.line.removeprefix("error: ") if came.code == 2 else came.line
+    line = ADVICE.sub("", line)
+    if len(line) > BEGIN + END:
+        line = f"{line[:BEGIN].rpartition(' ')[0]} … {line[-END:].partition(' ')[2]}"
+    typed = f"{mistake.words} {mistake.shell}".strip().replace(CALIBRATE, "…")
+    typed = {"…": "", FORWARD: "forward"}.get(typed, typed)
+    words = f"`{typed}`".replace("|", "\\|") if typed else ""
     shown = line.replace("|", "\\|").replace("`", "'")
     cells = [mistake.what, words, *figures, f"`{shown}`" if shown else ""]
     return "| " + " | ".join(cells) + " |\n"

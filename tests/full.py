@@ -2,7 +2,8 @@
 
     RSICALIB_FULL=1 pytest -n 2 tests/test_damage.py tests/test_outside.py …
 
-`docs/decisions/0011-time.md` lists the tests that have two forms.
+`grep -rn "sized(" tests` lists the tests that have two forms; `docs/decisions/0011-time.md` says
+why.
 """
 
 from __future__ import annotations

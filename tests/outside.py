@@ -53,10 +53,9 @@ KINDS = ("outside", "single", "clean", "left_out")
 
 HEAD = """# Laws that no term has
 
-Written by `{command} --report docs/unknown.md`. It draws machines of
-{families} families, {devices} in all. The error of one channel is a product of one or two factors:
-powers, waves and thresholds of joints, torques, paths travelled, play that remembers its last
-turns;
+Written by `{command} --report docs/unknown.md`: {devices} machines
+of {families} families. The error of one channel is a product of one or two factors: powers, waves
+and thresholds of joints, torques, paths travelled, play that remembers its last turns;
 noncentrality 30 to 300. The search does not know that grammar, and the arithmetic is the
 simulator's own. [The search](search.md) says how such a law is weighed beside what was found.
 

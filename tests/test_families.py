@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import rsicalib
+from rsicalib.facts.verdicts import EXIT_CODES
 from tests.families import effects, linkage, run, tables
 from tests.families.device import Device, observe, stage
 from tests.families.draw import FAMILIES
@@ -240,6 +241,19 @@ def test_words_on_noise_are_heard() -> None:
 def test_rates_have_an_error_even_of_none() -> None:
     assert tables.cell([False] * 20) == "0 ± 5 %, 0 of 20"
     assert tables.cell([]) == "-"
+
+
+def test_families_are_columns_of_the_table_of_all() -> None:
+    def rows(rate: str, verdicts: str) -> list[tuple[str, str, str]]:
+        return [("clean", "flagged", rate), ("clean", "verdicts", verdicts)]
+
+    whole = rows("2 ± 2 %, 1 of 58", "adequate 57, unexplained 1")
+    one, other = rows("0 ± 3 %, 0 of 29", "adequate 29"), rows("-", "adequate 28, refused 1")
+    page = tables.page({"all": whole, "fourbar": one, "fivebar": other}, "the command")
+    assert "Written by `the command --report" in page and "`fourbar`: A planar crank" in page
+    assert "| clean | flagged | 2 ± 2 %, 1 of 58 | 0/29 | - |" in page
+    assert "| clean | verdicts | adequate 57, unexplained 1 | 29a | 28a 1 refused |" in page
+    assert set(tables.LETTERS) == set(EXIT_CODES)
 
 
 def test_the_command_writes_its_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
