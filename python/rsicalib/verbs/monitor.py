@@ -74,7 +74,7 @@ class Suspect(Record):
     term: str
     """Id of the term."""
     target: str
-    """What it acts on."""
+    """What the term belongs to."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
