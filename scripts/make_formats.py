@@ -370,7 +370,7 @@ def _keys_beside(
 def _based(schema: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     """Whether a document has most keys of another one."""
     earlier, own = other.get("properties", {}), schema["properties"]
-    return sum(own.get(key) == value for key, value in earlier.items()) > len(earlier) / 2
+    return 2 * sum(bool(own.get(key) == value) for key, value in earlier.items()) > len(earlier)
 
 
 def _table(kind: str, schema: Mapping[str, Any]) -> str:
