@@ -1,8 +1,8 @@
 """Many devices, the way to a fit, and recordings as CSV: times as ratios of one run.
 
 `python benches/fleet.py` from the root of the repository prints a table; `--write` puts it into
-`docs/verbs-measured.md`. Contenders take turns and the shortest time of each counts, so that a busy machine
-slows all of them alike. Before anything is timed, contenders must agree to the bit.
+`docs/verbs-measured.md`. Contenders take turns and the shortest time of each counts, so that a busy
+machine slows all of them alike. Before anything is timed, contenders must agree to the bit.
 """
 
 from __future__ import annotations
