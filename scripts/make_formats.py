@@ -49,7 +49,7 @@ SAID_ONCE = {
         "Its unit.",
     ),
 }
-"""Keys of many tables: what the page says of each once, then what the types say of the same."""
+"""Keys of many types: what the page says of each once, then what the types say of the same."""
 
 BY_HAND = {
     "rsicalib.poses/1": {
@@ -185,7 +185,7 @@ HEAD = """\
 
 Every key, column and unit. Written by `python -m scripts.make_formats` from the types that read
 the files; a test compares. Lengths are in the mechanism's `length_unit`, angles in radians,
-readings in the unit of their channel; [conventions](conventions.md) has frames and signs. Tables
+readings in the unit of their channel; [conventions](conventions.md) has frames and signs. Lists
 of keys open with a click. A **bold** key is needed in a mechanism, and always there in a result.
 
 """
@@ -242,7 +242,7 @@ UNITS = {
 }
 """Units of the parameters of terms, which the core names; a test compares."""
 
-EVERYWHERE = "[Of many tables](#keys-of-many-tables)."
+EVERYWHERE = " ([of many types](#keys-of-many-types))"
 
 RESULTS = """\
 ## Results: JSON
@@ -251,21 +251,21 @@ RESULTS = """\
 known is null. Readers skip keys that they do not know ([what stays](stability.md)). The JSON
 Schemas are in the package, `rsicalib/schema/`.
 
-### Keys of many tables
+### Keys of many types
 
 """
 
 
 def text() -> str:
     """The whole page."""
-    parts = [HEAD, listed(), MECHANISM, *mechanism(), URDF, folded("Keys", keys_table(URDF_KEYS))]
-    parts += [READINGS, keys_table(COLUMNS).replace("| key |", "| column |"), "\n"]
-    parts += ["## Units of parameters\n\n", keys_table(UNITS).replace("| key |", "| unit |"), "\n"]
+    parts = [HEAD, listed(), MECHANISM, *mechanism(), URDF, folded("Keys", said_keys(URDF_KEYS))]
+    parts += [READINGS, said_keys(COLUMNS), "\n"]
+    parts += ["## Units of parameters\n\n", said_keys(UNITS), "\n"]
     parts += ["The parameters of each term, with their units: [terms](terms.md).\n\n"]
-    parts += [RESULTS, keys_table({key: words[0] for key, words in SAID_ONCE.items()}), "\n"]
+    parts += [RESULTS, said_keys({key: words[0] for key, words in SAID_ONCE.items()}), "\n"]
     parts += results()
     for name, keys in BY_HAND.items():
-        parts += [f"### `{name}`\n\n{ABOUT[name]}\n\n", folded("Keys", keys_table(keys))]
+        parts += [f"### `{name}`\n\n{ABOUT[name]}\n\n", folded("Keys", said_keys(keys))]
     parts += documents(_schemas())
     return "".join(parts).rstrip() + "\n"
 
@@ -294,15 +294,15 @@ def folded(summary: str, inner: str) -> str:
 
 
 def mechanism() -> Iterator[str]:
-    """Tables of the keys of a mechanism file: the whole, then each type below its key."""
+    """Keys of a mechanism file: the whole, then each type below its key."""
     schema = json.loads(_core.mechanism_schema())
-    yield from _tables("The whole file", schema, schema["$defs"])
+    yield from _sections("The whole file", schema, schema["$defs"])
 
 
-def _tables(title: str, kind: Mapping[str, Any], types: Mapping[str, Any]) -> Iterator[str]:
-    """A table of one type, and those of the types of its keys."""
+def _sections(title: str, kind: Mapping[str, Any], types: Mapping[str, Any]) -> Iterator[str]:
+    """The keys of one type, and those of the types of its keys."""
     yield f"### {title}\n\n{_prose(kind['description'])}\n\n"
-    yield folded("Keys", schema_table(kind, types))
+    yield folded("Keys", schema_keys(kind, types))
     whole = kind.get("$defs") is types
     for key, value in kind["properties"].items():
         rows = value.get("type") == "array"
@@ -310,11 +310,11 @@ def _tables(title: str, kind: Mapping[str, Any], types: Mapping[str, Any]) -> It
             below = types.get(str(one.get("$ref")).rpartition("/")[2], {})
             if "properties" in below:
                 head = f"[[{key}]]" if rows else f"[{key}]"
-                yield from _tables(f"`{head if whole else f'{key} = […]'}`", below, types)
+                yield from _sections(f"`{head if whole else f'{key} = […]'}`", below, types)
 
 
 def results() -> Iterator[str]:
-    """Tables of the keys of results."""
+    """Keys of results."""
     mechanism = json.loads(_core.mechanism_schema())
     done = {"mechanism-toml": mechanism}
     for name, schema in _schemas().items():
@@ -323,7 +323,7 @@ def results() -> Iterator[str]:
 
 
 def documents(before: Mapping[str, Any]) -> Iterator[str]:
-    """Tables of the keys of the documents that classes hold."""
+    """Keys of the documents that classes hold."""
     done = dict(before)
     for name in declared.DOCUMENTS:
         schema = declared.schema(name)
@@ -341,13 +341,13 @@ def _document(name: str, schema: Mapping[str, Any], done: Mapping[str, Any]) -> 
         if "properties" not in definition:
             continue
         first, _, rest = _prose(definition["description"]).partition("\n\n")
-        table = schema_table(definition, types)
-        owners = [n for n, other in done.items() if _plain(table) == _plain(_table(kind, other))]
+        keys = schema_keys(definition, types)
+        owners = [n for n, other in done.items() if _plain(keys) == _plain(_listed(kind, other))]
         if owners:
             said.setdefault(owners[0], []).append(f"`{kind}`")
             continue
         inner = f"{rest}\n\n" if rest else ""
-        yield folded(f"`{kind}`: {first}", inner + table)
+        yield folded(f"`{kind}`: {first}", inner + keys)
     if not any(_based(schema, other) for other in done.values()):
         for owner, kinds in said.items():
             yield f"{' and '.join(kinds)}: see {_link(owner)}.\n\n"
@@ -359,12 +359,12 @@ def _keys_beside(
     """The keys of a document beside those of an earlier one that it continues."""
     base = next((name for name, other in done.items() if _based(schema, other)), None)
     if base is None:
-        return folded("Keys", schema_table(schema, types))
+        return folded("Keys", schema_keys(schema, types))
     earlier, own = done[base]["properties"], schema["properties"]
     without = " and ".join(f"`{key}`" for key in earlier if key not in own)
     new = {key: value for key, value in own.items() if earlier.get(key) != value}
     head = f"All keys of {_link(base)} but {without}, with the same types, and these.\n\n"
-    return head + folded("Keys", schema_table({**schema, "properties": new}, types))
+    return head + folded("Keys", schema_keys({**schema, "properties": new}, types))
 
 
 def _based(schema: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
@@ -373,15 +373,15 @@ def _based(schema: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     return 2 * sum(bool(own.get(key) == value) for key, value in earlier.items()) > len(earlier)
 
 
-def _table(kind: str, schema: Mapping[str, Any]) -> str:
+def _listed(kind: str, schema: Mapping[str, Any]) -> str:
     """The keys of a type of a document; none where it has no such type."""
     found = schema["$defs"].get(kind, {})
-    return schema_table(found, schema["$defs"]) if "properties" in found else ""
+    return schema_keys(found, schema["$defs"]) if "properties" in found else ""
 
 
-def _plain(table: str) -> str:
-    """A table without what is needed: a key that is null elsewhere has the same meaning."""
-    return table.replace("**", "")
+def _plain(keys: str) -> str:
+    """A list without what is needed: a key that is null elsewhere has the same meaning."""
+    return keys.replace("**", "")
 
 
 def _link(name: str) -> str:
@@ -399,33 +399,29 @@ def _schemas() -> dict[str, dict[str, Any]]:
     return {name: json.loads(schema) for name, schema in _core.schemas()}
 
 
-def schema_table(schema: Mapping[str, Any], types: Mapping[str, Any]) -> str:
-    """A table of the keys of one type."""
+def schema_keys(schema: Mapping[str, Any], types: Mapping[str, Any]) -> str:
+    """A list of the keys of one type."""
     needed = set(schema.get("required", ()))
-    rows: dict[tuple[str, str], list[str]] = {}
+    rows: dict[str, list[str]] = {}
     for key, value in schema["properties"].items():
-        words = _prose(value.get("description", "")).replace("\n\n", " ").replace("|", "\\|")
-        if words.rstrip(".").lower() == key:
-            words = ""
-        row = (_kind(value, types), words + _default(value))
+        words = _prose(value.get("description", "")).replace("\n\n", " ")
         if words in SAID_ONCE.get(key, ()):
-            row = ("text", EVERYWHERE)
+            row = EVERYWHERE
+        else:
+            named = "" if words.rstrip(".").lower() == key else f": {words}"
+            row = f" ({_kind(value, types)}){named}{_default(value)}"
         rows.setdefault(row, []).append(f"**`{key}`**" if key in needed else f"`{key}`")
-    lines = ["| key | type | |", "|---|---|---|"]
-    lines += [f"| {', '.join(keys)} | {' | '.join(row)} |" for row, keys in rows.items()]
-    return "\n".join(lines) + "\n"
+    return "".join(f"- {', '.join(keys)}{row}\n" for row, keys in rows.items())
 
 
-def keys_table(keys: Mapping[str, str]) -> str:
-    """A table of keys and what they mean."""
+def said_keys(keys: Mapping[str, str]) -> str:
+    """A list of keys and what they mean."""
     rows: dict[str, list[str]] = {}
     for key, words in keys.items():
         said = " ".join(words.split())
         known = said in SAID_ONCE.get(key, ()) and len(keys) != len(SAID_ONCE)
-        rows.setdefault(EVERYWHERE if known else said, []).append(f"`{key}`")
-    lines = ["| key | |", "|---|---|"]
-    lines += [f"| {', '.join(names)} | {words} |" for words, names in rows.items()]
-    return "\n".join(lines) + "\n"
+        rows.setdefault(EVERYWHERE if known else f": {said}", []).append(f"`{key}`")
+    return "".join(f"- {', '.join(names)}{words}\n" for words, names in rows.items())
 
 
 def _kind(value: Mapping[str, Any], types: Mapping[str, Any]) -> str:
