@@ -26,9 +26,6 @@ pictures are drawn, those of arms many times enlarged.
 
 HEAD_OF_TARGETS = "Targets are those of the hand controller: "
 
-TABLE = "\n\n| term | class | |\n|---|---|---|\n"
-
-
 CAUSES = """\
 
 ## Causes that have another name here
@@ -103,14 +100,15 @@ def _ends(names: Sequence[str]) -> str:
 def text() -> str:
     """The whole page."""
     terms = rsicalib.terms()
-    rows = []
+    listed: dict[str, list[str]] = {}
     for term in terms:
         first = " ".join(term["doc"].strip().split("\n\n")[0].split())
-        rows.append(f"| [{term['id']}](#{term['id']}) | {term['class']} | {first} |")
+        row = f"- [{term['id']}](#{term['id']}): {first}\n"
+        listed.setdefault(term["class"], []).append(row)
     kinds = "; ".join(f"*{kind}* {_ends(names)}" for kind, names in _kinds().items())
     head = textwrap.fill(HEAD_OF_TARGETS + kinds + ".", 95)
-    table = TABLE + "\n".join(rows) + "\n"
-    return HEAD + head + table + CAUSES + "\n".join(section(term) for term in terms)
+    classes = "".join(f"\n*{name}*\n\n{''.join(rows)}" for name, rows in listed.items())
+    return HEAD + head + "\n" + classes + CAUSES + "\n".join(section(term) for term in terms)
 
 
 def files() -> dict[Path, str]:
