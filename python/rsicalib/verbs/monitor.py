@@ -94,7 +94,8 @@ class Alarm(Told, Record):
     time_s: float | None
     """Time of that row [s]."""
     term: str
-    """What has changed: a name of the table in `docs/watch.md`."""
+    """What has changed: `offset`, `gain`, `reference`, `distance`, `link_frame`, `point_position`,
+    `noise`, `stuck`, `loose` or `unnamed`, explained in a table of `docs/watch.md`."""
     target: str
     """Where: `a22`, `wrist1-wrist2`, `arm2/2`, `arm2`, `all`."""
     size: float
