@@ -169,7 +169,7 @@ WRITTEN_BY = {
     "rsicalib.fleet/1": "`fleet`",
     "rsicalib.population/1": "`fleet --population`",
     "rsicalib.truth/1": "`simulate`",
-    "rsicalib.error/1": "each, with `--json`",
+    "rsicalib.error/1": "each with `--json`",
     "rsicalib.plan/1": "`plan`",
     "rsicalib.supposition/1": "`suppose`",
     "rsicalib.certificate/1": "`certify`",
@@ -271,18 +271,15 @@ def text() -> str:
 
 
 def listed() -> str:
-    """A table of all formats."""
-    rows = [
-        ("[mechanism](#mechanism-toml)", "Chains, closures and sensors of a machine.", "by hand"),
-        ("[readings](#readings-csv-or-parquet)", "What the sensors read.", "by hand, `import`"),
-    ]
-    about = {name: _prose(schema["description"]) for name, schema in _schemas().items()} | ABOUT
-    about |= {name: declared.schema(name)["description"] for name in declared.DOCUMENTS}
-    for name, words in about.items():
-        rows.append((_link(name), words, WRITTEN_BY[name]))
-    lines = ["| format | what it holds | written by |", "|---|---|---|"]
-    lines += [f"| {' | '.join(row)} |" for row in rows]
-    return "\n".join(lines) + "\n\n"
+    """Links to all formats, by what writes them."""
+    rows = {
+        "by hand": "[mechanism](#mechanism-toml)",
+        "by hand, `import`": "[readings](#readings-csv-or-parquet)",
+    }
+    for name in [*_schemas(), *BY_HAND, *declared.DOCUMENTS]:
+        by, before = WRITTEN_BY[name], rows.get(WRITTEN_BY[name])
+        rows[by] = f"{before}, {_link(name)}" if before else _link(name)
+    return "".join(f"- {by}: {links}\n" for by, links in rows.items()) + "\n"
 
 
 def folded(summary: str, inner: str) -> str:
