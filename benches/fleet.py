@@ -1,8 +1,8 @@
 """Many devices, the way to a fit, and recordings as CSV: times as ratios of one run.
 
 `python benches/fleet.py` from the root of the repository prints a table; `--write` puts it into
-`docs/fleet.md`. Contenders take turns and the shortest time of each counts, so that a busy machine
-slows all of them alike. Before anything is timed, contenders must agree to the bit.
+`docs/verbs-measured.md`. Contenders take turns and the shortest time of each counts, so that a busy
+machine slows all of them alike. Before anything is timed, contenders must agree to the bit.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from rsicalib.fleets.dataset import Partition
 from rsicalib.fleets.engines import Job, over_threads
 from rsicalib.io.tables import File, numbers, table_of_file, table_of_numbers
 
-PAGE = Path(__file__).parents[1] / "docs" / "fleet.md"
+PAGE = Path(__file__).parents[1] / "docs" / "verbs-measured.md"
 BEGIN, END = "<!-- written by benches/fleet.py -->", "<!-- end -->"
 MECHANISM = rsicalib.load_mechanism("rsi")
 
@@ -187,7 +187,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--rows", type=int, default=1_000_000)
-    parser.add_argument("--write", action="store_true", help="into docs/fleet.md")
+    parser.add_argument("--write", action="store_true", help="into docs/verbs-measured.md")
     options = parser.parse_args()
     found = [
         *devices(options.rounds),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 from rsicalib import _core
@@ -16,11 +18,8 @@ HEAD = """\
 # Commands
 
 Written by `python -m scripts.make_commands` from the parser; a test compares. Results go to
-standard output, progress and warnings to standard error. On a terminal, what takes more than a
-second shows its progress with the time that is left, and the verdict has a colour; neither is
-there in a pipe, with `--quiet` or with `NO_COLOR` set.
-
-Completion in your shell, for bash (zsh and fish alike):
+standard output, progress and warnings to standard error. Progress and colours are for terminals:
+none in a pipe, with `--quiet` or with `NO_COLOR` set. Completion for bash (zsh and fish alike):
 
 ```console
 $ source <(rsicalib completion bash)
@@ -37,7 +36,8 @@ CODES = {
     1: "a defect of rsicalib",
     2: "the input or the options cannot be used; with `--json`, a document `rsicalib.error/1`",
     3: "the data cannot determine what was asked",
-    4: "a calibration was found, but the residual is significant, or it is implausible",
+    4: "a calibration was found, but something is missing (a residual is left, or a law that no "
+    "term has is likelier than chance), or it is implausible; an alarm",
     130: "interrupted; no half-written file is left",
 }
 
@@ -47,14 +47,43 @@ def text() -> str:
     known = {code for _, code in _core.VERDICTS}
     assert known <= set(CODES), known
     parts = [HEAD, *(f"| {code} | {words} |\n" for code, words in CODES.items()), "\n"]
-    for name, (parser, words) in verbs_of(make_parser()).items():
+    parts.append("Which verdict has which: [the verdicts](report.md#the-verdict).\n\n")
+    verbs = verbs_of(make_parser())
+    said = Counter(row for parser, _ in verbs.values() for row in map(_row, _options(parser)))
+    # Of two meanings of an option the one of more commands; `most_common` keeps their order.
+    often = {name: words for (name, words), count in reversed(said.most_common()) if count > 1}
+    shared = [row for row in said if often.get(row[0]) == row[1]]
+    parts += ["## Options of several commands\n\n", _table(shared)]
+    for name, (parser, words) in verbs.items():
         parts.append(f"## {name}\n\n{words}\n\n")
-        arguments = [a for a in parser._actions if not isinstance(a, argparse._HelpAction)]
         parts.append(f"```text\n{_usage(parser)}```\n\n")
-        parts.append("| argument | |\n|---|---|\n")
-        parts += [f"| `{_named(a)}` | {a.help or ''} |\n" for a in arguments]
-        parts.append("\n")
+        rows = [_row(a) for a in _options(parser)]
+        parts.append(_table([*map(_row, _places(parser)), *(r for r in rows if r not in shared)]))
+        names = [
+            f"`{option.split(',')[0].split()[0]}`" for option, _ in (r for r in rows if r in shared)
+        ]
+        if names:
+            parts.append(f"[Shared](#options-of-several-commands): {', '.join(names)}.\n\n")
     return "".join(parts).replace("<(", "<(").rstrip() + "\n"
+
+
+def _options(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    actions = [a for a in parser._actions if not isinstance(a, argparse._HelpAction)]
+    return [action for action in actions if action.option_strings]
+
+
+def _places(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    """Arguments that are told by their place."""
+    return [action for action in parser._actions if not action.option_strings]
+
+
+def _row(action: argparse.Action) -> tuple[str, str]:
+    return _named(action), action.help or ""
+
+
+def _table(rows: Iterable[tuple[str, str]]) -> str:
+    lines = [f"| `{name}` | {words} |\n" for name, words in rows]
+    return "".join(["| argument | |\n|---|---|\n", *lines, "\n"]) if lines else ""
 
 
 def _usage(parser: argparse.ArgumentParser) -> str:

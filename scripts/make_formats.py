@@ -24,26 +24,53 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "formats.md"
 SCHEMAS = ROOT / "python" / "rsicalib" / "schema"
 
+SAID_ONCE = {
+    "format": (
+        "Kind of the document and version of its shape.",
+        "Kind of the line and version of its shape.",
+        "Kind of the summary and version of its shape.",
+    ),
+    "version": ("Version of the program.",),
+    "mechanism": ("Name of the mechanism.",),
+    "length_unit": ("Unit of every length.",),
+    "term": ("Id of the term.",),
+    "target": ("What the term belongs to.",),
+    "place": ("Where a searched term acts.",),
+    "label": ("What people call the target.",),
+    "name": ("Name of the parameter.", "Its name."),
+    "unit": (
+        "Unit of the numbers beside it.",
+        "Unit of both.",
+        "Unit of all three.",
+        "Unit of all of them.",
+        "Unit of the size.",
+        "Unit of the value.",
+        "Unit of the values.",
+        "Its unit.",
+    ),
+}
+"""Keys of many types: what the page says of each once, then what the types say of the same."""
+
 BY_HAND = {
     "rsicalib.poses/1": {
-        "format": "`rsicalib.poses/1`.",
-        "version": "Version of the program.",
-        "mechanism": "Name of the mechanism.",
-        "length_unit": "Unit of every length.",
+        "format": SAID_ONCE["format"][0],
+        "version": SAID_ONCE["version"][0],
+        "mechanism": SAID_ONCE["mechanism"][0],
+        "length_unit": SAID_ONCE["length_unit"][0],
         "columns": "`pose`, and `sample` and `time_s` where the readings have them; `beyond`, 1 "
         "where a free curve is held, beyond the readings at which it was seen, else 0; `x y z` "
         "[length unit] and `rx ry rz` [rad], or `ball.x ball.y ball.z` for each point that a chain "
         "carries; under a calibration their standard deviations `sd_…`. One list each.",
     },
     "rsicalib.terms/1": {
-        "format": "`rsicalib.terms/1`.",
-        "version": "Version of the program.",
+        "format": SAID_ONCE["format"][0],
+        "version": SAID_ONCE["version"][0],
         "terms": "A list: `id`, `class`, `doc`, `needs`, `parameters` (`name`, `unit`, `typical`) "
         "and `targets`.",
     },
     "rsicalib.import/1": {
-        "format": "`rsicalib.import/1`.",
-        "version": "Version of the program.",
+        "format": SAID_ONCE["format"][0],
+        "version": SAID_ONCE["version"][0],
         "source": "The log, as it was given.",
         "kind": "What it is, in words.",
         "sha256": "Digest of what was read.",
@@ -53,14 +80,14 @@ BY_HAND = {
         "files": "SHA-256 of each file beside it, in `import.json`; not on standard output.",
     },
     "rsicalib.export/1": {
-        "format": "`rsicalib.export/1`.",
-        "version": "Version of the program.",
+        "format": SAID_ONCE["format"][0],
+        "version": SAID_ONCE["version"][0],
         "to": "For whom: `maslow`, `klipper`, …",
         "files": "SHA-256 of each file beside it, in `export.json`.",
     },
     "rsicalib.fleet/1": {
-        "format": "`rsicalib.fleet/1`.",
-        "version": "Version of the program.",
+        "format": SAID_ONCE["format"][0],
+        "version": SAID_ONCE["version"][0],
         "devices": "Number of devices.",
         "verdicts": "Number of devices by verdict; `refused` where there is none.",
         "summed": "The tests of fit of all devices together, null where they cannot be summed: "
@@ -80,10 +107,10 @@ BY_HAND = {
         "files": "Files that were written.",
     },
     "rsicalib.population/1": {
-        "format": "`rsicalib.population/1`.",
-        "version": "Version of the program.",
-        "mechanism": "Name of the mechanism.",
-        "length_unit": "Unit of every length.",
+        "format": SAID_ONCE["format"][0],
+        "version": SAID_ONCE["version"][0],
+        "mechanism": SAID_ONCE["mechanism"][0],
+        "length_unit": SAID_ONCE["length_unit"][0],
         "terms": "Terms with a tolerance, which were estimated.",
         "centre": "Reading of each channel at which offsets are told apart from gains.",
         "devices": "Number of devices that take part.",
@@ -100,11 +127,11 @@ BY_HAND = {
         "outliers": "Devices unlike the others, which tell nothing of them.",
     },
     "rsicalib.truth/1": {
-        "format": "`rsicalib.truth/1`.",
-        "version": "Version of the program.",
+        "format": SAID_ONCE["format"][0],
+        "version": SAID_ONCE["version"][0],
         "files": "SHA-256 of each table beside it.",
         "simulator": "The program that made the device.",
-        "mechanism": "Name of the mechanism.",
+        "mechanism": SAID_ONCE["mechanism"][0],
         "seed": "Of all that was drawn.",
         "noise": "Standard deviation of a sample, in units of the channel, before it is rounded.",
         "effect": "What is wrong beside offsets and gains: null where nothing is.",
@@ -112,7 +139,7 @@ BY_HAND = {
         "gain": "Gain by channel, in rad or `length_unit` per unit of the reading.",
     },
     "rsicalib.error/1": {
-        "format": "`rsicalib.error/1`.",
+        "format": SAID_ONCE["format"][0],
         "message": "What was found, what was expected, and what to do.",
         "where": "`file`, `line`, `column`, `found`, `expected`, each null where it does not "
         "apply; null where the fault has no place.",
@@ -142,7 +169,7 @@ WRITTEN_BY = {
     "rsicalib.fleet/1": "`fleet`",
     "rsicalib.population/1": "`fleet --population`",
     "rsicalib.truth/1": "`simulate`",
-    "rsicalib.error/1": "each, with `--json`",
+    "rsicalib.error/1": "each with `--json`",
     "rsicalib.plan/1": "`plan`",
     "rsicalib.supposition/1": "`suppose`",
     "rsicalib.certificate/1": "`certify`",
@@ -158,16 +185,16 @@ HEAD = """\
 
 Every key, column and unit. Written by `python -m scripts.make_formats` from the types that read
 the files; a test compares. Lengths are in the mechanism's `length_unit`, angles in radians,
-readings in the unit of their channel; [conventions](conventions.md) has frames and signs. Tables
-of keys open with a click.
+readings in the unit of their channel; [conventions](conventions.md) has frames and signs. Lists
+of keys open with a click. A **bold** key is needed in a mechanism, and always there in a result.
 
 """
 
 MECHANISM = """\
 ## Mechanism: TOML
 
-A key that is not listed here is refused. `rsicalib mechanism FILE` checks a file. The JSON Schema
-is `rsicalib/schema/mechanism.json` in the package: editors complete and check with it.
+A key that is not listed here is refused. `rsicalib mechanism FILE` checks a file; editors check
+and complete it by its JSON Schema, `rsicalib/schema/mechanism.json` in the package.
 
 """
 
@@ -192,8 +219,6 @@ Needed are one column for each channel of the mechanism, in the channel's unit a
 `range`; one text column for each name in `unknown` of a point; and one column of distances for
 each closure whose `value` is a name [length unit]. These are optional:
 
-| column | |
-|---|---|
 """
 
 UNITS = {
@@ -217,43 +242,44 @@ UNITS = {
 }
 """Units of the parameters of terms, which the core names; a test compares."""
 
+EVERYWHERE = " ([of many types](#keys-of-many-types))"
+
 RESULTS = """\
 ## Results: JSON
 
-`--json` prints one document on standard output; `--out` writes it as `result.json`. JSON holds no
-NaN: what is not known is null. Readers skip keys that they do not know ([what
-stays](stability.md)). The JSON Schemas are in the package, `rsicalib/schema/`.
+`--json` prints one document on standard output; `--out` writes it as `result.json`. What is not
+known is null. Readers skip keys that they do not know ([what stays](stability.md)). The JSON
+Schemas are in the package, `rsicalib/schema/`.
+
+### Keys of many types
 
 """
 
 
 def text() -> str:
     """The whole page."""
-    parts = [HEAD, listed(), MECHANISM, *mechanism(), URDF, folded("Keys", keys_table(URDF_KEYS))]
-    parts += [READINGS, *(f"| `{name}` | {words} |\n" for name, words in COLUMNS.items()), "\n"]
-    parts += ["## Units of parameters\n\n", keys_table(UNITS).replace("| key |", "| unit |"), "\n"]
+    parts = [HEAD, listed(), MECHANISM, *mechanism(), URDF, folded("Keys", said_keys(URDF_KEYS))]
+    parts += [READINGS, said_keys(COLUMNS), "\n"]
+    parts += ["## Units of parameters\n\n", said_keys(UNITS), "\n"]
     parts += ["The parameters of each term, with their units: [terms](terms.md).\n\n"]
-    parts += [RESULTS, *results()]
+    parts += [RESULTS, said_keys({key: words[0] for key, words in SAID_ONCE.items()}), "\n"]
+    parts += results()
     for name, keys in BY_HAND.items():
-        parts += [f"### `{name}`\n\n{ABOUT[name]}\n\n", folded("Keys", keys_table(keys))]
-    parts += documents()
+        parts += [f"### `{name}`\n\n{ABOUT[name]}\n\n", folded("Keys", said_keys(keys))]
+    parts += documents(_schemas())
     return "".join(parts).rstrip() + "\n"
 
 
 def listed() -> str:
-    """A table of all formats."""
-    rows = [
-        ("[mechanism](#mechanism-toml)", "Chains, closures and sensors of a machine.", "by hand"),
-        ("[readings](#readings-csv-or-parquet)", "What the sensors read.", "by hand, `import`"),
-    ]
-    about = {name: _prose(schema["description"]) for name, schema in _schemas().items()} | ABOUT
-    about |= {name: declared.schema(name)["description"] for name in declared.DOCUMENTS}
-    for name, words in about.items():
-        anchor = re.sub(r"[^\w-]", "", name)
-        rows.append((f"[`{name}`](#{anchor})", words, WRITTEN_BY[name]))
-    lines = ["| format | what it holds | written by |", "|---|---|---|"]
-    lines += [f"| {' | '.join(row)} |" for row in rows]
-    return "\n".join(lines) + "\n\n"
+    """Links to all formats, by what writes them."""
+    rows = {
+        "by hand": "[mechanism](#mechanism-toml)",
+        "by hand, `import`": "[readings](#readings-csv-or-parquet)",
+    }
+    for name in [*_schemas(), *BY_HAND, *declared.DOCUMENTS]:
+        by, before = WRITTEN_BY[name], rows.get(WRITTEN_BY[name])
+        rows[by] = f"{before}, {_link(name)}" if before else _link(name)
+    return "".join(f"- {by}: {links}\n" for by, links in rows.items()) + "\n"
 
 
 def folded(summary: str, inner: str) -> str:
@@ -265,15 +291,15 @@ def folded(summary: str, inner: str) -> str:
 
 
 def mechanism() -> Iterator[str]:
-    """Tables of the keys of a mechanism file: the whole, then each type below its key."""
+    """Keys of a mechanism file: the whole, then each type below its key."""
     schema = json.loads(_core.mechanism_schema())
-    yield from _tables("The whole file", schema, schema["$defs"])
+    yield from _sections("The whole file", schema, schema["$defs"])
 
 
-def _tables(title: str, kind: Mapping[str, Any], types: Mapping[str, Any]) -> Iterator[str]:
-    """A table of one type, and those of the types of its keys."""
+def _sections(title: str, kind: Mapping[str, Any], types: Mapping[str, Any]) -> Iterator[str]:
+    """The keys of one type, and those of the types of its keys."""
     yield f"### {title}\n\n{_prose(kind['description'])}\n\n"
-    yield folded("Keys", schema_table(kind, types))
+    yield folded("Keys", schema_keys(kind, types))
     whole = kind.get("$defs") is types
     for key, value in kind["properties"].items():
         rows = value.get("type") == "array"
@@ -281,33 +307,88 @@ def _tables(title: str, kind: Mapping[str, Any], types: Mapping[str, Any]) -> It
             below = types.get(str(one.get("$ref")).rpartition("/")[2], {})
             if "properties" in below:
                 head = f"[[{key}]]" if rows else f"[{key}]"
-                yield from _tables(f"`{head if whole else f'{key} = […]'}`", below, types)
+                yield from _sections(f"`{head if whole else f'{key} = […]'}`", below, types)
 
 
 def results() -> Iterator[str]:
-    """Tables of the keys of results."""
-    done: set[str] = set()
+    """Keys of results."""
+    mechanism = json.loads(_core.mechanism_schema())
+    done = {"mechanism-toml": mechanism}
     for name, schema in _schemas().items():
         yield from _document(name, schema, done)
-        done |= set(schema["$defs"])
+        done[name] = schema
 
 
-def documents() -> Iterator[str]:
-    """Tables of the keys of the documents that classes hold."""
+def documents(before: Mapping[str, Any]) -> Iterator[str]:
+    """Keys of the documents that classes hold."""
+    done = dict(before)
     for name in declared.DOCUMENTS:
-        yield from _document(name, declared.schema(name), set())
+        schema = declared.schema(name)
+        yield from _document(name, schema, done)
+        done[name] = schema
 
 
-def _document(name: str, schema: Mapping[str, Any], done: set[str]) -> Iterator[str]:
-    """The keys of a document, and of each type in it that is not done."""
+def _document(name: str, schema: Mapping[str, Any], done: Mapping[str, Any]) -> Iterator[str]:
+    """The keys of a document, and of each type in it, but for those that others have."""
     types = schema["$defs"]
     yield f"### `{name}`\n\n{_prose(schema['description'])}\n\n"
-    yield folded("Keys", schema_table(schema, types))
+    yield _keys_beside(schema, types, done)
+    said: dict[str, list[str]] = {}
     for kind, definition in types.items():
-        if "properties" in definition and kind not in done:
-            first, _, rest = _prose(definition["description"]).partition("\n\n")
-            inner = f"{rest}\n\n" if rest else ""
-            yield folded(f"`{kind}`: {first}", inner + schema_table(definition, types))
+        if "properties" not in definition:
+            continue
+        first, _, rest = _prose(definition["description"]).partition("\n\n")
+        keys = schema_keys(definition, types)
+        owners = [n for n, other in done.items() if _plain(keys) == _plain(_listed(kind, other))]
+        if owners:
+            said.setdefault(owners[0], []).append(f"`{kind}`")
+            continue
+        inner = f"{rest}\n\n" if rest else ""
+        yield folded(f"`{kind}`: {first}", inner + keys)
+    if not any(_based(schema, other) for other in done.values()):
+        for owner, kinds in said.items():
+            yield f"{' and '.join(kinds)}: see {_link(owner)}.\n\n"
+
+
+def _keys_beside(
+    schema: Mapping[str, Any], types: Mapping[str, Any], done: Mapping[str, Any]
+) -> str:
+    """The keys of a document beside those of an earlier one that it continues."""
+    base = next((name for name, other in done.items() if _based(schema, other)), None)
+    if base is None:
+        return folded("Keys", schema_keys(schema, types))
+    earlier, own = done[base]["properties"], schema["properties"]
+    without = " and ".join(f"`{key}`" for key in earlier if key not in own)
+    new = {key: value for key, value in own.items() if earlier.get(key) != value}
+    head = f"All keys of {_link(base)} but {without}, with the same types, and these.\n\n"
+    return head + folded("Keys", schema_keys({**schema, "properties": new}, types))
+
+
+def _based(schema: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Whether a document has most keys of another one."""
+    earlier, own = other.get("properties", {}), schema["properties"]
+    return 2 * sum(bool(own.get(key) == value) for key, value in earlier.items()) > len(earlier)
+
+
+def _listed(kind: str, schema: Mapping[str, Any]) -> str:
+    """The keys of a type of a document; none where it has no such type."""
+    found = schema["$defs"].get(kind, {})
+    return schema_keys(found, schema["$defs"]) if "properties" in found else ""
+
+
+def _plain(keys: str) -> str:
+    """A list without what is needed: a key that is null elsewhere has the same meaning."""
+    return keys.replace("**", "")
+
+
+def _link(name: str) -> str:
+    if name == "mechanism-toml":
+        return "[the mechanism](#mechanism-toml)"
+    return f"[`{name}`](#{_anchor(name)})"
+
+
+def _anchor(name: str) -> str:
+    return re.sub(r"[^\w-]", "", name)
 
 
 def _schemas() -> dict[str, dict[str, Any]]:
@@ -315,22 +396,29 @@ def _schemas() -> dict[str, dict[str, Any]]:
     return {name: json.loads(schema) for name, schema in _core.schemas()}
 
 
-def schema_table(schema: Mapping[str, Any], types: Mapping[str, Any]) -> str:
-    """A table of the keys of one type."""
+def schema_keys(schema: Mapping[str, Any], types: Mapping[str, Any]) -> str:
+    """A list of the keys of one type."""
     needed = set(schema.get("required", ()))
-    lines = ["| key | | type | |", "|---|---|---|---|"]
+    rows: dict[str, list[str]] = {}
     for key, value in schema["properties"].items():
-        must = "" if key not in needed else "needed"
-        words = _prose(value.get("description", "")).replace("\n\n", " ").replace("|", "\\|")
-        lines.append(f"| `{key}` | {must} | {_kind(value, types)} | {words}{_default(value)} |")
-    return "\n".join(lines) + "\n"
+        words = _prose(value.get("description", "")).replace("\n\n", " ")
+        if words in SAID_ONCE.get(key, ()):
+            row = EVERYWHERE
+        else:
+            named = "" if words.rstrip(".").lower() == key else f": {words}"
+            row = f" ({_kind(value, types)}){named}{_default(value)}"
+        rows.setdefault(row, []).append(f"**`{key}`**" if key in needed else f"`{key}`")
+    return "".join(f"- {', '.join(keys)}{row}\n" for row, keys in rows.items())
 
 
-def keys_table(keys: Mapping[str, str]) -> str:
-    """A table of keys and what they mean."""
-    lines = ["| key | |", "|---|---|"]
-    lines += [f"| `{key}` | {' '.join(words.split())} |" for key, words in keys.items()]
-    return "\n".join(lines) + "\n"
+def said_keys(keys: Mapping[str, str]) -> str:
+    """A list of keys and what they mean."""
+    rows: dict[str, list[str]] = {}
+    for key, words in keys.items():
+        said = " ".join(words.split())
+        known = said in SAID_ONCE.get(key, ()) and len(keys) != len(SAID_ONCE)
+        rows.setdefault(EVERYWHERE if known else f": {said}", []).append(f"`{key}`")
+    return "".join(f"- {', '.join(names)}{words}\n" for words, names in rows.items())
 
 
 def _kind(value: Mapping[str, Any], types: Mapping[str, Any]) -> str:
@@ -377,7 +465,7 @@ def _choices(schema: Mapping[str, Any]) -> str:
     values = list(schema.get("enum", ()))
     values += [v["const"] for v in schema.get("oneOf", ()) if "const" in v]
     values += [e for v in schema.get("oneOf", ()) for e in v.get("enum", ())]
-    return " or ".join(f'`"{value}"`' for value in values)
+    return ", ".join(f'`"{value}"`' for value in values)
 
 
 def _default(value: Mapping[str, Any]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +16,15 @@ PAGE = Path(__file__).parents[1] / "docs" / "terms.md"
 HEAD = """\
 # Terms: what can be identified
 
-Written by `python -m scripts.make_terms` from the registry; a test compares. The targets are
-those of the hand controller. `length` is the mechanism's unit, `reading` the channel's. A term is
-asked for by its name, `--terms offset,gain,curvature@a22`, and printed by `rsicalib terms
-curvature`. [Units](formats.md#units-of-parameters) are those of the formats. The pictures are
-drawn with parameters of the typical size, with signs in turn; those of arms are many times
-enlarged.
+Written by `python -m scripts.make_terms` from the registry; a test compares. A term is asked for
+by its name, `--terms offset,gain,curvature@a22`, with a place, where it has one, after a colon:
+`slip@a22:17`; `rsicalib terms curvature` prints one. `length` is the mechanism's unit, `reading`
+the channel's ([units](formats.md#units-of-parameters)); sizes are typical ones, with which the
+pictures are drawn, those of arms many times enlarged.
 
-| term | class | parameters | |
-|---|---|---|---|
 """
 
+HEAD_OF_TARGETS = "Targets are those of the hand controller: "
 
 CAUSES = """\
 
@@ -52,25 +52,63 @@ def section(term: dict[str, Any]) -> str:
     name = term["id"]
     words = f"What {name.replace('_', ' ')} does"
     lines = [f"## {name}", "", term["doc"].strip(), "", f"![{words}](terms/{name}.svg)", ""]
-    lines += ["| parameter | unit | typical size |", "|---|---|---|"]
-    lines += [f"| `{p['name']}` | {p['unit']} | {p['typical']:g} |" for p in term["parameters"]]
-    lines += ["", f"Needs: {term['needs']}. Targets: {', '.join(term['targets']) or 'none'}."]
+    sizes: dict[str, list[str]] = {}
+    for p in term["parameters"]:
+        size = f"{p['typical']:g}" + ("" if p["unit"] == "1" else f" {p['unit']}")
+        sizes.setdefault(size, []).append(f"`{p['name']}`")
+    said = "; ".join(f"{', '.join(names)} {size}" for size, names in sizes.items())
+    lines.append(f"Parameters: {said}.")
+    if term["needs"] != "readings":
+        lines[-1] += f" Needs: {term['needs']}."
+    lines[-1] += f" Targets: {_targets(term['targets'])}."
     if term["place"]:
-        lines[-1] += (
-            f" Place: {term['place']}, as in `{name}@{(term['targets'] or ['TARGET'])[0]}:PLACE`."
-        )
+        lines[-1] += f" Place: {term['place']}."
     return "\n".join(lines) + "\n"
+
+
+def _kinds() -> dict[str, tuple[str, ...]]:
+    """Targets that many terms have, by what they are."""
+    drawn = rsicalib.load_mechanism().to_dict()
+    channels, chains, closures = (
+        tuple(one["name"] for one in drawn[kind]) for kind in ("channel", "chain", "closure")
+    )
+    rows = range(1, len(drawn["chain"][0]["dh"]) + 1)
+    return {
+        "channels": channels,
+        "channels alike": tuple(f"each.{n + 1}" for n in range(len(channels) // len(chains))),
+        "chains": chains,
+        "links": tuple(f"{chain}/{n}" for chain in chains for n in rows),
+        "links alike": tuple(f"each/{n}" for n in rows),
+        "closures": closures,
+    }
+
+
+def _targets(targets: Sequence[str]) -> str:
+    """Targets, those of a kind by its name."""
+    left, names = list(targets), []
+    for kind, those in _kinds().items():
+        if set(those) <= set(left):
+            left = [target for target in left if target not in those]
+            names.append(kind)
+    return ", ".join([*names, *left]) or "none"
+
+
+def _ends(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) < 4 else f"{names[0]} to {names[-1]}"
 
 
 def text() -> str:
     """The whole page."""
     terms = rsicalib.terms()
-    rows = []
+    listed: dict[str, list[str]] = {}
     for term in terms:
         first = " ".join(term["doc"].strip().split("\n\n")[0].split())
-        names = ", ".join(f"`{p['name']}`" for p in term["parameters"])
-        rows.append(f"| [{term['id']}](#{term['id']}) | {term['class']} | {names} | {first} |")
-    return HEAD + "\n".join(rows) + "\n" + CAUSES + "\n".join(section(term) for term in terms)
+        row = f"- [{term['id']}](#{term['id']}): {first}\n"
+        listed.setdefault(term["class"], []).append(row)
+    kinds = "; ".join(f"*{kind}* {_ends(names)}" for kind, names in _kinds().items())
+    head = textwrap.fill(HEAD_OF_TARGETS + kinds + ".", 95)
+    classes = "".join(f"\n*{name}*\n\n{''.join(rows)}" for name, rows in listed.items())
+    return HEAD + head + "\n" + classes + CAUSES + "\n".join(section(term) for term in terms)
 
 
 def files() -> dict[Path, str]:

@@ -62,12 +62,12 @@ def on_files(files: Any, config: Any, **_: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """The mechanism that turns, the gallery in thumbnails, links from the table of terms."""
+    """The mechanism that turns, the gallery in thumbnails, links from the list of terms."""
     if page.file.src_uri == "index.md":
         frame = r'<iframe class="moving" src="hero.html" title="\1"></iframe>'
         return re.sub(r"!\[(.*)\]\(report\.png\)", frame, markdown)
     if page.file.src_uri == "gallery.md":
         return thumbnails(markdown)
     if page.file.src_uri == "terms.md":
-        return re.sub(r"^\| \[(\w+)\]\(#\1\)", r"| [\1](terms/\1.md)", markdown, flags=re.M)
+        return re.sub(r"^- \[(\w+)\]\(#\1\)", r"- [\1](terms/\1.md)", markdown, flags=re.M)
     return markdown

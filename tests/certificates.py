@@ -5,8 +5,8 @@ outside it, two, or none, at sizes that such effects have. Each is traced, and r
 other places of the workspace: the largest error there is the truth. Limits are log-uniform from 1/5
 of the truth to 5 times of it. The decision by a limit follows from the figures of one certificate,
 so that each device counts with the share of the limits that it is wrong for, or undecided: a mean
-over limits in place of a draw. Half of the devices have ten check poses. `docs/certificate.md` has
-the figures.
+over limits in place of a draw. Half of the devices have ten check poses. `docs/verbs-measured.md`
+has the figures.
 """
 
 from __future__ import annotations

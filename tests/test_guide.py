@@ -173,7 +173,7 @@ def test_a_lost_channel_and_the_end_of_a_range_are_said(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["dead_zone", "exchanged", "reversed", "lost"])
 def test_what_is_wrong_with_a_channel_is_said_while_it_can_be_repeated(kind: str) -> None:
-    """`python -m tests.trouble` counts more of them; its figures are in docs/guide.md."""
+    """`python -m tests.trouble` counts more of them; its figures are in docs/verbs-measured.md."""
     told = trouble.session(trouble.drawn(kind, (20261122, 1)))
     assert told.right is not None and told.right <= 16
 
@@ -381,7 +381,7 @@ def test_an_arm_that_trembles_at_what_it_touches_is_taken_when_held_longer() -> 
 
 @pytest.mark.parametrize("seed", sized([4], [4, 12]))
 def test_who_shakes_and_sees_the_page_alone_is_done_in_few_poses(seed: int, tmp_path: Path) -> None:
-    """Small form of `python -m tests.person --devices 200 --tremor`; figures in docs/guide.md."""
+    """Small form of `python -m tests.person --tremor`; figures in docs/verbs-measured.md."""
     operator = person.drawn(seed)
     operator.shakes = (0.016, 0.008)  # near a stretched arm some 60 counts
     taken, result = person.guided(operator, tmp_path / "o", 0.003)

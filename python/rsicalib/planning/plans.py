@@ -73,7 +73,7 @@ class WorstHidden(Record):
     term: str
     """Id of the term."""
     target: str
-    """What it acts on."""
+    """What the term belongs to."""
     platform_rms: Rms
     """What it does to the platform [length unit, rad]."""
 

@@ -56,7 +56,7 @@ class SupposedEffect(Record):
     term: str
     """Id of the term."""
     target: str
-    """What it acts on."""
+    """What the term belongs to."""
     klass: str = field(metadata={"key": "class"})
     """Where its fault lies."""
     place: str | None

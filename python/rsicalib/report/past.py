@@ -109,7 +109,7 @@ class Series(Record):
     place: str | None = None
     """Where a searched term acts: another channel, an order."""
     kind: CourseKind | None = None
-    """`still`, `drift`, `jump` or `drift and jump`: what is worth its price; None as `rate`."""
+    """What is worth its price; None as `rate`."""
     jumps: tuple[Jump, ...] = ()
     """New levels, by date."""
     level: float | None = None

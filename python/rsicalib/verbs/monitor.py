@@ -74,7 +74,7 @@ class Suspect(Record):
     term: str
     """Id of the term."""
     target: str
-    """What it acts on."""
+    """What the term belongs to."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -94,18 +94,12 @@ class Alarm(Told, Record):
     time_s: float | None
     """Time of that row [s]."""
     term: str
-    """What has changed: `offset` or `gain` of a channel, `reference` of all that a converter reads,
-    `distance` of a closure, `link_frame` of a bent link, `point_position` of the point at the end
-    of a chain; `noise` of a channel that scatters, `stuck` of one that repeats its reading, `loose`
-    of a chain whose end moves from row to row; `unnamed` where alarms follow each other and no
-    change explains them."""
+    """What has changed: `offset`, `gain`, `reference`, `distance`, `link_frame`, `point_position`,
+    `noise`, `stuck`, `loose` or `unnamed`, explained in a table of `docs/watch.md`."""
     target: str
     """Where: `a22`, `wrist1-wrist2`, `arm2/2`, `arm2`, `all`."""
     size: float
-    """How large: the value of a single parameter, or the length of a displacement; of a drift, by
-    how much it has moved until this row; of a gain or the reference, its share; of what scatters or
-    is loose, the standard deviation; of what is stuck, the rows that repeat; without a name, the
-    alarms."""
+    """How large; what that is, the same table says."""
     sd: float
     """Standard deviation of the size."""
     unit: str
