@@ -41,7 +41,10 @@ METHOD = re.compile(r"^    (?:pub(?:\([^)]*\))? +)?(?:const +|unsafe +)*fn +(\w+
 OWN_CALL = re.compile(r"\b(?:self\s*\.|Self::)\s*(\w+)\s*\(")
 CALL = re.compile(r"(?:\.|::)\s*(\w+)\s*\(")
 FUNCTION = re.compile(r"\bfn +(\w+)")
-DEFINES = r"\b(?:fn|struct|enum|trait|type|const|static|union|mod|macro_rules!)\s+{}\b"
+WORD = re.compile(r"\w+")
+DEFINED = re.compile(
+    r"\b(?:fn|struct|enum|trait|type|const|static|union|mod|macro_rules!)\s+(?=(\w+))"
+)
 
 
 def read(folder: Path) -> tuple[tuple[str, ...], tuple[Import, ...]]:
@@ -161,6 +164,7 @@ class _Crate:
             if any(module[: len(test)] == test for test in tests):
                 del self.files[module], self.code[module]
         self.children = {module: set(CHILD.findall(code)) for module, code in self.code.items()}
+        self.defined = {module: set(DEFINED.findall(code)) for module, code in self.code.items()}
         self.passed_on = {module: dict(self._uses(module)) for module in self.code}
         self.functions = Counter(name for c in self.code.values() for name in FUNCTION.findall(c))
         self.methods = self._methods()
@@ -204,11 +208,11 @@ class _Crate:
         own = [
             (kind, name) for kind, block in IMPL.findall(code) for name in OWN_CALL.findall(block)
         ]
-        called = set(CALL.findall(code))
+        called, named = set(CALL.findall(code)), set(WORD.findall(code))
         other = [
             (kind, name)
             for kind, names in self.methods.items()
-            if re.search(rf"\b{kind}\b", code)
+            if kind in named
             for name in names
             if name in called and self.functions[name] == 1
         ]
@@ -275,4 +279,4 @@ class _Crate:
         return source
 
     def _defines(self, module: Module, name: str) -> bool:
-        return re.search(DEFINES.format(re.escape(name)), self.code[module]) is not None
+        return name in self.defined[module]

@@ -14,6 +14,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from scripts import imports_python, imports_rust
@@ -106,11 +107,13 @@ class Tree:
     imports: tuple[Import, ...]
 
 
+@cache
 def python_tree(folder: Path) -> Tree:
     """Read a Python package, compiled modules by their stubs."""
     return Tree(*imports_python.read(folder))
 
 
+@cache
 def rust_tree(folder: Path) -> Tree:
     """Read the `src` folder of a crate."""
     return Tree(*imports_rust.read(folder))

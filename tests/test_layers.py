@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -33,9 +32,8 @@ def arrows(tree) -> list[str]:
     return [str(one) for one in tree.imports]
 
 
-@cache
 def package() -> Tree:
-    """Files and imports of the package, which take a second to read."""
+    """Files and imports of the package."""
     return python_tree(ROOT / "python" / "rsicalib")
 
 
