@@ -411,7 +411,6 @@ def table(rows: Sequence[Told]) -> list[tuple[str, str]]:
             "clean devices that are not adequate",
             cell([r.verdict != "adequate" for r in own["clean"]]),
         ),
-        ("seconds of a trace with a law", f"{np.mean([r.seconds for r in law] or [0.0]):.2f}"),
     ]
     verdicts = Counter(r.verdict for r in law)
     return [*out, ("verdicts", ", ".join(f"{v} {n}" for v, n in verdicts.most_common()))]
