@@ -454,10 +454,12 @@ def between_words(result: ResultShape) -> str:
         return ""
     what = f"{len(between.groups)} {between.kind}s"
     low, high = (number(v, 2) for v in between.interval)
-    words = (
-        f"{what} differ by {number(between.sd, 2)} typical sizes of offsets and touched places "
-        f"({low} to {high}, {p_is(between.p_value)})"
-    )
+    of = "typical sizes of offsets and touched places"
+    if between.sd == 0:
+        words = f"{what} do not differ, or by less than {high} {of} ({p_is(between.p_value)})"
+    else:
+        sd = number(between.sd, 2)
+        words = f"{what} differ by {sd} {of} ({low} to {high}, {p_is(between.p_value)})"
     halves = between.halves
     if halves is None:
         return words
@@ -529,6 +531,8 @@ def advice(result: ResultShape) -> list[str]:
     """What to do, or to measure, next."""
     out = []
     fit = quality(result)
+    if result.verdict in ("adequate", "explained"):
+        out.append("Use it: rsicalib forward READINGS --calibration result.json.")
     if result.verdict == "undetermined":
         less = (
             f"leave out --terms {listed_words(result.too_many)}"
@@ -563,8 +567,6 @@ def advice(result: ResultShape) -> list[str]:
             f"Closure is not accuracy{said}Give poses known from elsewhere "
             "with --check to see the error."
         )
-    if result.verdict in ("adequate", "explained") and fit.check is not None:
-        out.append("Use it: rsicalib forward READINGS --calibration result.json.")
     return out
 
 

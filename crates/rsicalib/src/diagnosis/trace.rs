@@ -253,8 +253,9 @@ fn explain(
     let judge = averaged.judge(&current);
     let left_over = after.p_value.is_some_and(|p| p <= LEVEL);
     let something = left_over || !steps.is_empty();
-    // In a recording the noise of neighbours is alike, which a smooth law would explain.
-    let unknown = match (!lost || !steps.is_empty()) && (something || observations.readings.held) {
+    // In a motion the noise of neighbours is alike, which a smooth law would explain.
+    let poses = !observations.readings.moves();
+    let unknown = match (!lost || !steps.is_empty()) && (something || poses) {
         true => averaged.unknown_law(&current, &said)?,
         false => None,
     };

@@ -16,7 +16,7 @@ use crate::readings::context::{STRETCH, direction, is_motion, sides, standstills
 use crate::readings::course::{CourseAt, Courses};
 use crate::readings::holding::Holding;
 use crate::readings::table::{Table, mean_of, rows_of};
-use crate::readings::way::Way;
+use crate::readings::way::ways;
 
 /// Temperatures this near to the one they count from show nothing of it [K].
 const STEADY: f64 = 0.05;
@@ -526,50 +526,21 @@ impl Readings {
         part(self.ways.get_or_init(|| self.laid_out_ways()), block, self.channels)
     }
 
-    /// Ways from visit to visit, in blocks: a visit is a held pose until another comes, or a row of a recording.
+    /// Those of the recording whose stretches these samples are, where they are means.
     fn laid_out_ways(&self) -> Vec<WayAt> {
         let (whole, rows) = match &self.whole {
             Some((whole, middles)) => (&**whole, Some(middles)),
             None => (self, None),
         };
-        let table = &whole.table;
-        let goes_on = |row: usize| {
-            row > 0
-                && whole.pose[row] == whole.pose[row - 1]
-                && table.session_of(row) == table.session_of(row - 1)
+        let ways = ways(&whole.table, &whole.pose, &whole.still);
+        let row_of = |row: usize| rows.map_or(row, |middles| middles[row]);
+        let of_channel = |block: &Block, c: usize| {
+            let way = block.rows.map(|row| ways[row_of(row) * self.channels + c]);
+            let [travelled, since_turn] = [0, 1].map(|k| Lanes(way.map(|of| of[k])));
+            WayAt { travelled, since_turn }
         };
-        let firsts: Vec<usize> = (0..whole.samples).filter(|&row| !goes_on(row)).collect();
-        let begins: Vec<bool> = (0..firsts.len())
-            .map(|v| v == 0 || table.session_of(firsts[v]) != table.session_of(firsts[v - 1]))
-            .collect();
-        let mut visit = vec![0; whole.samples];
-        for (v, &first) in firsts.iter().enumerate() {
-            let end = firsts.get(v + 1).copied().unwrap_or(whole.samples);
-            visit[first..end].fill(v);
-        }
-        let of_channel = |c: usize| {
-            let mut sums = vec![[0.0; 2]; firsts.len()];
-            for (row, &v) in visit.iter().enumerate() {
-                sums[v][0] += table.values[row * whole.channels + c];
-                sums[v][1] += 1.0;
-            }
-            let readings: Vec<f64> = sums.iter().map(|[sum, count]| sum / count).collect();
-            let way = Way { readings: &readings, begins: &begins, still: whole.still[c] };
-            (way.travelled(), way.since_turn())
-        };
-        let ways: Vec<(Vec<f64>, Vec<f64>)> = (0..whole.channels).map(of_channel).collect();
-        let visit_of = |row: usize| visit[rows.map_or(row, |middles| middles[row])];
-        let of_block = |block: &Block| {
-            let visits = block.rows.map(visit_of);
-            let at = |of: &[f64]| Lanes(visits.map(|v| of[v]));
-            let each = ways.iter();
-            each.map(|(travelled, since_turn)| WayAt {
-                travelled: at(travelled),
-                since_turn: at(since_turn),
-            })
-            .collect::<Vec<_>>()
-        };
-        self.blocks.iter().flat_map(of_block).collect()
+        let all = self.blocks.iter().flat_map(|block| (0..self.channels).map(move |c| (block, c)));
+        all.map(|(block, c)| of_channel(block, c)).collect()
     }
 
     /// Velocity of each channel in a block, in readings per second. Empty for an index beyond the

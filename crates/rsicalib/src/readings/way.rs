@@ -3,6 +3,36 @@
 //! The way goes from held pose to held pose, or from row to row of a recording: noise travels nowhere and
 //! turns nowhere. What moves by less than a standstill has not moved.
 
+use crate::readings::table::Table;
+
+/// Path travelled and distance from the last turn, row by row, one pair per channel, in the unit of readings. The
+/// way goes from visit to visit: a held pose until another comes, or a row of a recording.
+pub(crate) fn ways(table: &Table, pose: &[usize], still: &[f64]) -> Vec<[f64; 2]> {
+    let channels = still.len();
+    let session = |row: usize| table.session_of(row);
+    let begins =
+        |&row: &usize| row == 0 || pose[row] != pose[row - 1] || session(row) != session(row - 1);
+    let firsts: Vec<usize> = (0..pose.len()).filter(begins).collect();
+    let ends = firsts.iter().skip(1).copied().chain([pose.len()]);
+    let visits: Vec<_> = firsts.iter().zip(ends).map(|(&first, end)| first..end).collect();
+    let begins: Vec<bool> =
+        (0..visits.len()).map(|v| v == 0 || session(firsts[v]) != session(firsts[v - 1])).collect();
+    let mut out = vec![[0.0; 2]; pose.len() * channels];
+    for c in 0..channels {
+        let mean = |rows: &std::ops::Range<usize>| {
+            let sum: f64 = rows.clone().map(|row| table.values[row * channels + c]).sum();
+            sum / rows.len() as f64
+        };
+        let readings: Vec<f64> = visits.iter().map(mean).collect();
+        let way = Way { readings: &readings, begins: &begins, still: still[c] };
+        let both = way.travelled().into_iter().zip(way.since_turn());
+        for (rows, (travelled, since_turn)) in visits.iter().zip(both) {
+            rows.clone().for_each(|row| out[row * channels + c] = [travelled, since_turn]);
+        }
+    }
+    out
+}
+
 /// The way of one channel, sample by sample.
 pub struct Way<'a> {
     /// Its readings, settled.
@@ -90,12 +120,22 @@ impl Way<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::Way;
+    use super::{Way, ways};
+    use crate::readings::table::Table;
 
     const BEGINS: [bool; 7] = [true, false, false, false, false, true, false];
 
     fn way(readings: &[f64]) -> Way<'_> {
         Way { readings, begins: &BEGINS[..readings.len()], still: 0.5 }
+    }
+
+    /// A pose that comes again is another visit; what it reads is the mean of its rows.
+    #[test]
+    fn all_rows_of_a_visit_have_the_way_to_it() {
+        let values = vec![1.0, 3.0, 7.0, 5.0, 2.0];
+        let table = Table { values, session: Some(vec![0, 0, 0, 0, 1]), ..Table::default() };
+        let found = ways(&table, &[0, 0, 1, 0, 1], &[0.5]);
+        assert_eq!(found, [[0.0, 0.0], [0.0, 0.0], [5.0, 5.0], [7.0, -2.0], [0.0, 0.0]]);
     }
 
     #[test]
