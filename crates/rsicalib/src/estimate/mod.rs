@@ -19,6 +19,7 @@ mod implicit;
 pub(crate) mod intervals;
 pub(crate) mod lengths;
 mod mirrors;
+mod miswired;
 pub mod noise;
 mod note;
 mod objective;

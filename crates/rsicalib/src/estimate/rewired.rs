@@ -77,7 +77,11 @@ impl Rewired {
     }
 
     /// A channel the other way round within its range, or about zero where it has none.
-    fn mirrored(observations: &Observations, readings: &Readings, channel: usize) -> Option<Self> {
+    pub(crate) fn mirrored(
+        observations: &Observations,
+        readings: &Readings,
+        channel: usize,
+    ) -> Option<Self> {
         let range = observations.mechanism.channels[channel].range;
         let ends = range.map_or(0.0, |[low, high]| low + high);
         Self::new(observations, readings, |row| row[channel] = ends - row[channel]).ok()
@@ -120,10 +124,18 @@ impl Rewired {
 }
 
 impl Rewired {
-    /// The same with the readings of each channel from other poses. Where these close as well,
-    /// closing is no evidence: angles times .017 hardly move, and there is a plane through any points
-    /// that stand nearly still.
-    pub(crate) fn of_other_poses(&self) -> Result<Self, Error> {
+    /// Readings with which closing is no evidence that these are `times` what was read, each with what
+    /// its χ² counts times: of other poses, and `times` as large again, by a noise that is, too. Angles
+    /// times .017 hardly move: there is a plane through any points that stand nearly still, and a
+    /// loop is straight along a part of its way. What closes as well again says nothing of the unit.
+    pub(crate) fn by_chance(&self, times: f64) -> impl Iterator<Item = (Self, f64)> {
+        let less = (times < 1.0).then(|| Self::scaled(&self.observations, &self.readings, times));
+        let less = less.flatten().map(|(less, _)| (less, times.powi(-2)));
+        self.of_other_poses().ok().map(|others| (others, 1.0)).into_iter().chain(less)
+    }
+
+    /// The same with the readings of each channel from other poses.
+    fn of_other_poses(&self) -> Result<Self, Error> {
         let Readings { samples, channels, pose, table: own, .. } = &self.readings;
         let mut poses: Vec<Vec<usize>> = Vec::new();
         for row in 0..*samples {
@@ -248,7 +260,12 @@ pub(crate) fn suspect(search: &StartSearch<'_>, best: Option<&End>) -> Option<Su
     let mut found = poses.mistakes(declared).into_iter();
     let (score, suspicion, rewired) = found.next()?;
     let next = found.next().map_or(f64::INFINITY, |(score, ..)| score);
-    let by_chance = rewired.of_other_poses().map_or(f64::INFINITY, |other| poses.without(&other));
+    let times = match suspicion {
+        Suspicion::Degrees { of: InDegrees::Loop { times, .. }, .. } => times,
+        _ => 1.0,
+    };
+    let by_chance = rewired.by_chance(times).map(|(other, counts)| counts * poses.without(&other));
+    let by_chance = by_chance.fold(f64::INFINITY, f64::min);
     let limit = declared.min(next).min(by_chance) / DECISIVE;
     (score.max(1.0) <= limit.min(search.observations.options.good_start)).then_some(suspicion)
 }
