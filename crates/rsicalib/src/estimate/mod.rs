@@ -31,6 +31,7 @@ mod priors;
 pub mod progress;
 mod residuals;
 mod rewired;
+pub(crate) mod room;
 pub mod search;
 pub(crate) mod settle;
 pub mod significance;

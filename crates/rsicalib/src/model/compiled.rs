@@ -573,6 +573,12 @@ impl Model {
             .flat_map(|(k, (_, equations))| equations.map(move |equation| (k, equation)))
     }
 
+    /// True where another instrument measures something of a closure: a length, or where a point is.
+    pub(crate) fn measures(&self) -> bool {
+        let seen = |end: &End| matches!(end, End::Seen(..));
+        self.closures.iter().any(|it| it.column.is_some() || it.ends.iter().any(seen))
+    }
+
     /// The kind of each closure that takes part in samples and declares no play, by kind and by what
     /// its ends are; none for rigid distances of a mechanism, for joints between chains, and for closures that
     /// do. A bar or a surface somewhere is set up and touched, and its seating is as unknown as it is.
