@@ -37,6 +37,7 @@ pub(crate) mod settle;
 pub mod significance;
 mod sized;
 mod sparse;
+mod spread;
 pub mod start;
 pub mod suspicion;
 mod times;

@@ -28,12 +28,12 @@
 use nalgebra::{Cholesky, DMatrix};
 
 use crate::estimate::fitted::Fit;
-use crate::estimate::objective::{Noise, Part, Play};
+use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
 use crate::estimate::settle::settled;
-use crate::model::{Model, Want, Workspace};
+use crate::estimate::spread::{seats, spread};
+use crate::model::{Want, Workspace};
 use crate::numerics::lanes::WIDTH;
-use crate::readings::Readings;
 
 /// `ln |S| - ln |S_T|` of each sample, (168); zero of one that does not count.
 pub(crate) struct Rooms {
@@ -62,24 +62,6 @@ impl Rooms {
         let both = self.of_samples.iter().zip(&other).filter(|(a, b)| **a != 0.0 && **b != 0.0);
         both.map(|(before, after)| after - before).sum()
     }
-}
-
-/// True where closures have play that moves joints.
-pub(crate) fn seats(model: &Model, noise: &Noise) -> bool {
-    let Play { of_seating, of_sample } = noise.of_closures(model);
-    let some = |play: &[f64]| play.iter().any(|play| *play > 0.0);
-    some(&of_seating) && !some(&of_sample) && !model.measures()
-}
-
-/// Variance of the readings of each channel over a session.
-pub(crate) fn spread(readings: &Readings) -> Vec<f64> {
-    let (channels, rows) = (readings.channels, readings.samples.max(1) as f64);
-    let of = |c: usize| readings.table.values.iter().skip(c).step_by(channels);
-    let variance = |c: usize| {
-        let mean = of(c).sum::<f64>() / rows;
-        of(c).map(|a| (a - mean).powi(2)).sum::<f64>() / rows
-    };
-    (0..channels).map(variance).collect()
 }
 
 fn of_samples(session: &Observations, fit: &Fit, noise: &Noise, spread: &[f64]) -> Vec<f64> {

@@ -2,7 +2,7 @@
 
 use crate::estimate::eliminated::Eliminated;
 use crate::estimate::objective::{Noise, Part, Play};
-use crate::estimate::room::{seats, spread};
+use crate::estimate::spread::{seats, spread};
 use crate::kinematics::elements::Way;
 use crate::model::{Model, Want, Workspace};
 use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
