@@ -229,7 +229,7 @@ pub(crate) fn in_other_unit(
         let (other, channels) = Rewired::scaled(observations, &observations.readings, times)?;
         let mut noise = noise.clone();
         channels.iter().for_each(|&c| noise.sigma[c] *= times);
-        let chances: Vec<_> = other.by_chance(times).collect();
+        let chances: Vec<_> = other.by_chance().collect();
         let with = again(other, &noise)?.left;
         // What moves less, or is as noisy as that, may close by chance; where no fit of such readings
         // starts, they do not.

@@ -124,14 +124,17 @@ impl Rewired {
 }
 
 impl Rewired {
-    /// Readings with which closing is no evidence that these are `times` what was read, each with what
-    /// its χ² counts times: of other poses, and `times` as large again, by a noise that is, too. Angles
-    /// times .017 hardly move: there is a plane through any points that stand nearly still, and a
-    /// loop is straight along a part of its way. What closes as well again says nothing of the unit.
-    pub(crate) fn by_chance(&self, times: f64) -> impl Iterator<Item = (Self, f64)> {
-        let less = (times < 1.0).then(|| Self::scaled(&self.observations, &self.readings, times));
-        let less = less.flatten().map(|(less, _)| (less, times.powi(-2)));
-        self.of_other_poses().ok().map(|others| (others, 1.0)).into_iter().chain(less)
+    /// Readings with which closing is no evidence of the unit of these, each with what its χ² counts
+    /// times: of other poses, and twice and half as large, by a noise that is, too. Angles times .017
+    /// hardly move: there is a plane through any points that stand nearly still, and a loop is straight
+    /// along a part of its way. A loop that closes for its unit does not with another gain.
+    pub(crate) fn by_chance(&self) -> impl Iterator<Item = (Self, f64)> {
+        let scaled = |times: f64| {
+            let (other, _) = Self::scaled(&self.observations, &self.readings, times)?;
+            Some((other, times.powi(-2)))
+        };
+        let others = self.of_other_poses().ok().map(|others| (others, 1.0));
+        others.into_iter().chain([2.0, 0.5].into_iter().filter_map(scaled))
     }
 
     /// The same with the readings of each channel from other poses.
@@ -260,11 +263,10 @@ pub(crate) fn suspect(search: &StartSearch<'_>, best: Option<&End>) -> Option<Su
     let mut found = poses.mistakes(declared).into_iter();
     let (score, suspicion, rewired) = found.next()?;
     let next = found.next().map_or(f64::INFINITY, |(score, ..)| score);
-    let times = match suspicion {
-        Suspicion::Degrees { of: InDegrees::Loop { times, .. }, .. } => times,
-        _ => 1.0,
-    };
-    let by_chance = rewired.by_chance(times).map(|(other, counts)| counts * poses.without(&other));
+    // Twice and half are told from a unit, and not from wires.
+    let of_unit = matches!(suspicion, Suspicion::Degrees { .. });
+    let chances = rewired.by_chance().take(if of_unit { usize::MAX } else { 1 });
+    let by_chance = chances.map(|(other, counts)| counts * poses.without(&other));
     let by_chance = by_chance.fold(f64::INFINITY, f64::min);
     let limit = declared.min(next).min(by_chance) / DECISIVE;
     (score.max(1.0) <= limit.min(search.observations.options.good_start)).then_some(suspicion)
