@@ -6,6 +6,7 @@
 use crate::apply::check::{Check, compare, unturned};
 use crate::apply::known::Known;
 use crate::apply::poses::poses_of;
+use crate::closures::kind::Part as EndOf;
 use crate::estimate::Noise;
 use crate::estimate::Part;
 use crate::estimate::settle::settled;
@@ -209,10 +210,22 @@ pub(crate) fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
         anchor.push('_');
     }
     points.push(Point { name: anchor.clone(), at: Some([0.0; 3]), ..Point::default() });
-    let closure = Closure::touch(anchor.clone(), [carried, anchor]);
+    // A channel that reads a length, or is like another, senses no joint: it stays at what it read.
+    let senses = |closure: &&Closure| {
+        closure.channel.is_some() || closure.kind.facts().between().contains(&EndOf::Channel)
+    };
+    let sensed = mechanism.closures.iter().filter(senses).map(|closure| {
+        let between = match closure.channel {
+            Some(_) => [carried.clone(), anchor.clone()],
+            None => closure.between.clone(),
+        };
+        Closure { between, ..closure.clone() }
+    });
+    let closure = Closure::touch(anchor.clone(), [carried.clone(), anchor.clone()]);
+    let closures = std::iter::once(closure).chain(sensed).collect();
     Ok(Mechanism {
         points,
-        closures: vec![closure],
+        closures,
         planes: Vec::new(),
         lines: Vec::new(),
         frames: Vec::new(),
@@ -417,14 +430,14 @@ impl Under {
     pub(crate) fn moving_at(&self, beta: &[f64]) -> Vec<Vec<[f64; 3]>> {
         let (model, readings) = (&self.model, &self.readings);
         let part = Part { model, readings, weights: None };
-        let mut out = vec![vec![[f64::NAN; 3]; readings.samples]; model.posed.len()];
+        let mut out = vec![vec![[f64::NAN; 3]; readings.samples]; model.posed.points.len()];
         for (block, meta) in readings.blocks().iter().enumerate() {
             let found = settled(&part, &self.noise, block, beta);
             let xi = &found[readings.channels..];
-            for (out, point) in out.iter_mut().zip(&model.posed) {
+            for (number, out) in out.iter_mut().enumerate() {
+                let at = model.posed.place(number, xi);
                 for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
-                    let at = |i: usize| point.slots[i].map_or(point.at[i], |k| xi[k].0[lane]);
-                    out[row] = std::array::from_fn(at);
+                    out[row] = at.map(|coordinate| coordinate.0[lane]);
                 }
             }
         }

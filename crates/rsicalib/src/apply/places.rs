@@ -108,7 +108,7 @@ impl Placed {
         match () {
             () if !mechanism.platform.is_empty() => Self::Platform,
             () if points.clone().any(|p| p.chain.is_some()) => Self::Carried,
-            () if points.any(|p| p.moves()) => Self::Moving,
+            () if points.any(|p| mechanism.is_moving(p)) => Self::Moving,
             () => Self::Carried,
         }
     }
@@ -120,14 +120,14 @@ impl Placed {
 ///
 /// [`Error::Missing`] without a platform where no chain carries a point, and none moves.
 pub(crate) fn names_of(mechanism: &Mechanism) -> Result<Vec<String>, Error> {
-    let of_points = |points: &[Point], named: fn(&Point) -> bool| -> Vec<String> {
+    let of_points = |points: &[Point], named: &dyn Fn(&Point) -> bool| -> Vec<String> {
         let named = points.iter().filter(|p| named(p));
         named.flat_map(|p| ["x", "y", "z"].map(|axis| format!("{}.{axis}", p.name))).collect()
     };
     Ok(match Placed::of(mechanism) {
         Placed::Platform => ["x", "y", "z", "rx", "ry", "rz"].map(String::from).to_vec(),
-        Placed::Carried => of_points(&opened(mechanism)?.points, |p| p.chain.is_some()),
-        Placed::Moving => of_points(&mechanism.points, Point::moves),
+        Placed::Carried => of_points(&opened(mechanism)?.points, &|p| p.chain.is_some()),
+        Placed::Moving => of_points(&mechanism.points, &|p| mechanism.is_moving(p)),
     })
 }
 

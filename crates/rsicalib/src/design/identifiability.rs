@@ -498,6 +498,15 @@ fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
             expected: "one".into(),
         });
     }
+    if mechanism.closures.iter().any(|closure| closure.channel.is_some()) {
+        return Err(Error::Mechanism {
+            place: quoted(&mechanism.name),
+            found: "a channel that reads a length between points".into(),
+            expected:
+                "channels of joints alone: of others nothing is counted before there are readings"
+                    .into(),
+        });
+    }
     let mut origin = String::from("origin");
     while points.iter().any(|p| p.name == origin) {
         origin.push('_');

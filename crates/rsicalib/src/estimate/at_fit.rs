@@ -15,6 +15,7 @@ use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::Part;
 use crate::estimate::observations::Observations;
 use crate::estimate::residuals::Residuals;
+use crate::estimate::settle::Closing;
 use crate::model::{Want, Workspace};
 use crate::numerics::lanes::Lanes;
 use crate::numerics::symmetric::{dot, inverse_root};
@@ -30,7 +31,7 @@ pub struct AtFit<'a> {
     q: Mat<f64>,
     /// `p`
     pub pull: Vec<f64>,
-    /// `â`, block by block: [`AtFit::settled`].
+    /// `â`, and `ã` of (169) where play moves joints, block by block: [`AtFit::settled`].
     adjusted: Vec<Lanes>,
 }
 
@@ -63,12 +64,16 @@ impl<'a> AtFit<'a> {
             // Of a long recording they are gigabytes, and only what touches unknown points needs them.
             residuals.by_parameter = Vec::new();
         }
-        let adjusted = problem.into_adjusted();
+        let mut adjusted = problem.into_adjusted();
+        let mut closing = Closing::new(&part, &fit.assumed());
+        for (block, a_hat) in adjusted.chunks_exact_mut(part.stride()).enumerate() {
+            closing.close(&part, block, &fit.beta, a_hat);
+        }
         Self { observations, fit, residuals, inverse, q, pull, adjusted }
     }
 
-    /// Readings of a block as the fit settles them, `â`. The columns of terms are those of `â`: what
-    /// is to be compared with them must be of `â` as well, since `a - â` follows the residual.
+    /// Readings of a block as the fit settles them, `â`, (169). The columns of terms are those of `â`:
+    /// what is to be compared with them must be of `â` as well, since `a - â` follows the residual.
     pub fn settled(&self, block: usize) -> &[Lanes] {
         let channels = self.observations.readings.channels;
         &self.adjusted[block * self.fit.model.stride()..][..channels]

@@ -199,6 +199,12 @@ impl Again {
     }
 }
 
+/// χ² per degree of freedom below which a loop closes with a mistake undone, where `left` is what it is as
+/// declared: by far less, and no more than a start may leave that leads to a fit.
+pub(crate) fn closing(observations: &Observations, left: f64) -> f64 {
+    observations.options.good_start.min(left / DECISIVE)
+}
+
 /// Readings or offsets in the other unit, where the loop closes with it and by far not as declared:
 /// `left` is χ² per degree of freedom by a `noise`, and `refit` a fit of other observations. Readings in
 /// another unit have a noise in that unit.
@@ -211,6 +217,7 @@ pub(crate) fn in_other_unit(
     if observations.is_long() || left.is_nan() || left < DECISIVE {
         return None;
     }
+    let limit = closing(observations, left);
     let again = |Rewired { readings, observations: of }: Rewired, noise: &Noise| {
         Again::of(&of, (&of.mechanism, readings.table), noise, &refit)
     };
@@ -222,13 +229,15 @@ pub(crate) fn in_other_unit(
         let (other, channels) = Rewired::scaled(observations, &observations.readings, times)?;
         let mut noise = noise.clone();
         channels.iter().for_each(|&c| noise.sigma[c] *= times);
-        let others = other.of_other_poses();
+        let chances: Vec<_> = other.by_chance().collect();
         let with = again(other, &noise)?.left;
-        // What moves less, or is as noisy as that, may close by chance; where no fit of other poses
+        // What moves less, or is as noisy as that, may close by chance; where no fit of such readings
         // starts, they do not.
-        let by_chance = || others.ok().and_then(|others| again(others, &noise));
-        let closes = with * DECISIVE < left
-            && by_chance().is_none_or(|by_chance| with * DECISIVE < by_chance.left);
+        let closes = with < limit
+            && chances.into_iter().all(|(chance, counts)| {
+                let by_chance = again(chance, &noise);
+                by_chance.is_none_or(|by_chance| with * DECISIVE < counts * by_chance.left)
+            });
         closes.then(|| suspicion(channels, Scaled::Readings, times, with))
     };
     let offsets = |times: f64| {
@@ -236,7 +245,7 @@ pub(crate) fn in_other_unit(
         let fit = again(other, noise)?;
         let drawn = vec![0.0; fit.beta.len()];
         let (with, there) = (fit.left, stays(&fit.model, &channels, [&drawn, &fit.beta]));
-        (there && with * DECISIVE < left).then(|| suspicion(channels, Scaled::Offsets, times, with))
+        (there && with < limit).then(|| suspicion(channels, Scaled::Offsets, times, with))
     };
     let found = OTHER_UNIT.into_iter().flat_map(|times| [readings(times), offsets(times)]);
     found.flatten().min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, suspicion)| suspicion)

@@ -14,6 +14,7 @@ use crate::estimate::doubts;
 use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::lengths;
+use crate::estimate::miswired::miswired;
 use crate::estimate::noise::channels::{self, Length};
 use crate::estimate::noise::open;
 use crate::estimate::noise::rounding::Rounding;
@@ -404,7 +405,10 @@ fn minimum(
         let wired = !fit.warnings.iter().any(|it| it.of_wiring() && !it.is_no_start());
         if wired && !said.iter().any(Suspicion::of_wiring) {
             let left = if no_start { f64::INFINITY } else { fit.chi2 / fit.dof };
-            said.extend(lengths::in_other_unit(observations, &noise, left, refit));
+            said.extend(miswired(observations, &fit.model, &noise, left, refit));
+            if !said.iter().any(Suspicion::of_wiring) {
+                said.extend(lengths::in_other_unit(observations, &noise, left, refit));
+            }
         }
         fit.warnings.extend(said);
     }

@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use crate::estimate::noise::seating::Seatings;
 use crate::estimate::objective::{Noise, Part, add_priors};
 use crate::estimate::residuals::{Residuals, Sizes};
-use crate::estimate::settle::Room;
+use crate::estimate::settle::{Closing, Room};
 use crate::model::{Model, Prior, Want};
 use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
 use crate::numerics::linearization::{Linearization, Problem};
@@ -246,13 +246,16 @@ impl Implicit<'_> {
                 || {
                     let mut settling = Room::new(own.model, noise);
                     let mut room = Room::new(part.model, noise);
+                    let mut closing = Closing::new(&own, noise);
                     let mut sums = zero();
                     for (block, a_hat) in (first..).zip(chunk.chunks_exact_mut(part.stride())) {
                         let seated = self.seatings[0].of_block(readings, block);
                         settling.seat(seated);
                         room.seat(seated);
                         settling.settle(&own, block, beta, a_hat, false);
-                        room.linearise(part, block, readings.raw(block), x, a_hat, 0);
+                        let mut closed = a_hat.to_vec();
+                        closing.close(&own, block, beta, &mut closed);
+                        room.linearise(part, block, readings.raw(block), x, &mut closed, 0);
                         room.weigh(part.weight(block));
                         visit(&mut sums, readings.blocks()[block].group, &room.w, &room.ws.x);
                     }

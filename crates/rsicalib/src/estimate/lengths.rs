@@ -1,7 +1,7 @@
 //! One length of a drawing in another unit than the others: a link in metres among millimetres.
 
 use crate::Error;
-use crate::estimate::degrees::Again;
+use crate::estimate::degrees::{Again, closing};
 use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
 use crate::estimate::rewired::DECISIVE;
@@ -95,7 +95,7 @@ pub(crate) fn in_other_unit(
         let table = observations.readings.table.clone();
         let with = Again::of(observations, (&mechanism, table), noise, &refit)?.left;
         let closes = Closes { with, declared: left };
-        (with < observations.options.good_start.min(left / DECISIVE))
+        (with < closing(observations, left))
             .then_some((with, Suspicion::Length { at, size: declared, times, closes }))
     });
     tried.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, suspicion)| suspicion)

@@ -77,7 +77,11 @@ impl Rewired {
     }
 
     /// A channel the other way round within its range, or about zero where it has none.
-    fn mirrored(observations: &Observations, readings: &Readings, channel: usize) -> Option<Self> {
+    pub(crate) fn mirrored(
+        observations: &Observations,
+        readings: &Readings,
+        channel: usize,
+    ) -> Option<Self> {
         let range = observations.mechanism.channels[channel].range;
         let ends = range.map_or(0.0, |[low, high]| low + high);
         Self::new(observations, readings, |row| row[channel] = ends - row[channel]).ok()
@@ -120,10 +124,21 @@ impl Rewired {
 }
 
 impl Rewired {
-    /// The same with the readings of each channel from other poses. Where these close as well,
-    /// closing is no evidence: angles times .017 hardly move, and there is a plane through any points
-    /// that stand nearly still.
-    pub(crate) fn of_other_poses(&self) -> Result<Self, Error> {
+    /// Readings with which closing is no evidence of the unit of these, each with what its χ² counts
+    /// times: of other poses, and twice and half as large, by a noise that is, too. Angles times .017
+    /// hardly move: there is a plane through any points that stand nearly still, and a loop is straight
+    /// along a part of its way. A loop that closes for its unit does not with another gain.
+    pub(crate) fn by_chance(&self) -> impl Iterator<Item = (Self, f64)> {
+        let scaled = |times: f64| {
+            let (other, _) = Self::scaled(&self.observations, &self.readings, times)?;
+            Some((other, times.powi(-2)))
+        };
+        let others = self.of_other_poses().ok().map(|others| (others, 1.0));
+        others.into_iter().chain([2.0, 0.5].into_iter().filter_map(scaled))
+    }
+
+    /// The same with the readings of each channel from other poses.
+    fn of_other_poses(&self) -> Result<Self, Error> {
         let Readings { samples, channels, pose, table: own, .. } = &self.readings;
         let mut poses: Vec<Vec<usize>> = Vec::new();
         for row in 0..*samples {
@@ -248,7 +263,11 @@ pub(crate) fn suspect(search: &StartSearch<'_>, best: Option<&End>) -> Option<Su
     let mut found = poses.mistakes(declared).into_iter();
     let (score, suspicion, rewired) = found.next()?;
     let next = found.next().map_or(f64::INFINITY, |(score, ..)| score);
-    let by_chance = rewired.of_other_poses().map_or(f64::INFINITY, |other| poses.without(&other));
+    // Twice and half are told from a unit, and not from wires.
+    let of_unit = matches!(suspicion, Suspicion::Degrees { .. });
+    let chances = rewired.by_chance().take(if of_unit { usize::MAX } else { 1 });
+    let by_chance = chances.map(|(other, counts)| counts * poses.without(&other));
+    let by_chance = by_chance.fold(f64::INFINITY, f64::min);
     let limit = declared.min(next).min(by_chance) / DECISIVE;
     (score.max(1.0) <= limit.min(search.observations.options.good_start)).then_some(suspicion)
 }

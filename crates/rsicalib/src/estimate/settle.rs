@@ -2,6 +2,7 @@
 
 use crate::estimate::eliminated::Eliminated;
 use crate::estimate::objective::{Noise, Part, Play};
+use crate::estimate::spread::{seats, spread};
 use crate::kinematics::elements::Way;
 use crate::model::{Model, Want, Workspace};
 use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
@@ -29,6 +30,34 @@ pub(crate) fn settled(part: &Part, noise: &Noise, block: usize, x: &[f64]) -> Ve
     let mut a_hat = part.start(block);
     Room::new(part.model, noise).settle(part, block, x, &mut a_hat, false);
     a_hat
+}
+
+/// Readings of one block that are moved onto the closures as if play were as little as it is beside what
+/// readings span, (169); `none` where no play moves joints.
+pub(crate) struct Closing(Option<Room>);
+
+impl Closing {
+    pub(crate) fn new(part: &Part, noise: &Noise) -> Self {
+        let wide = || {
+            let sigma = spread(part.readings).into_iter().map(f64::sqrt).collect();
+            Room::new(part.model, &Noise { sigma, ..noise.clone() })
+        };
+        Self(seats(part.model, noise).then(wide))
+    }
+
+    /// Moves settled readings.
+    pub(crate) fn close(&mut self, part: &Part, block: usize, x: &[f64], a_hat: &mut [Lanes]) {
+        let Some(room) = &mut self.0 else { return };
+        let from = a_hat[..part.readings.channels].to_vec();
+        part.model.absent(part.readings, block, &mut room.absent);
+        for _ in 0..INNER {
+            let want = Want { x: false, a: true };
+            part.model.evaluate(part.readings, block, a_hat, x, want, &mut room.ws);
+            if !room.step(&from, a_hat) {
+                break;
+            }
+        }
+    }
 }
 
 /// Standard deviations that what is unknown in one pose may be off before it is looked for again.

@@ -33,8 +33,17 @@ impl Mechanism {
         match &point.frame {
             Some(frame) if point.columns.is_some() => known(self.frame_index(frame), place),
             Some(frame) => {
-                let expected = "`columns` of a point that is measured in a frame";
-                Err(refuse(place(), format!("frame {}", quoted(frame)), expected.into()))
+                known(self.frame_index(frame), place)?;
+                let of = &self.frames[self.frame_index(frame)?];
+                let here = point.unknown.is_none() && point.at.is_some() && point.chain.is_none();
+                match here && (of.moves() || of.unknown.is_none()) {
+                    true => Ok(()),
+                    false => {
+                        let expected = "`columns` of a point that is measured in a frame, or `at` of one \
+                                        in a frame that is known or has `unknown = [\"pose\"]`";
+                        Err(refuse(place(), format!("frame {}", quoted(frame)), expected.into()))
+                    }
+                }
             }
             None => Ok(()),
         }
@@ -75,6 +84,22 @@ impl Mechanism {
             let place = || format!("frame {}", quoted(&frame.name));
             finite(frame.pose.iter().flatten(), place)?;
             angles(frame.pose.iter().flat_map(|pose| &pose[3..]), place)?;
+            if let Some(keys) =
+                frame.unknown.as_ref().filter(|keys| frame.moves() && keys.len() > 1)
+            {
+                let expected = "`pose` alone: every pose has a place of its own";
+                return Err(refuse(
+                    place(),
+                    format!("unknown = [{}]", listed(keys)),
+                    expected.into(),
+                ));
+            }
+            let seen = |p: &&Point| p.frame.as_ref() == Some(&frame.name) && p.columns.is_some();
+            if let Some(point) = self.points.iter().find(seen).filter(|_| frame.moves()) {
+                let expected = "`at` of a point in a frame that is somewhere else in each pose";
+                let found = format!("`columns` of point {}", quoted(&point.name));
+                return Err(refuse(place(), found, expected.into()));
+            }
             if frame.pose.is_none() && frame.unknown.is_none() {
                 let expected = "`pose = [x, y, z, rx, ry, rz]`, or `unknown = [columns]`";
                 return Err(refuse(place(), "no place".into(), expected.into()));

@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vect
 
 use crate::closures::ClosureKind;
 use crate::mechanism::law::Law;
-use crate::mechanism::places::{Column, Frame, Line, Plane};
+use crate::mechanism::places::{Column, EACH_POSE, Frame, Line, Plane};
 
 /// Serial chains with sensed joints, and the closures between the chains.
 ///
@@ -365,8 +365,8 @@ pub struct Point {
     /// The chain that carries the point; `None` for a point fixed in the base.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub chain: Option<String>,
-    /// Position in length units, in the frame at the end of the chain, or in the base. Of an unknown
-    /// point where it is looked for, and what stays as drawn.
+    /// Position in length units, in the frame at the end of the chain, in `frame`, or in the base. Of an
+    /// unknown point where it is looked for, and what stays as drawn.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub at: Option<[f64; 3]>,
     /// Key columns of the readings: each distinct combination of their values is one unknown point;
@@ -379,13 +379,11 @@ pub struct Point {
     /// Columns of the readings with its measured coordinates, in length units.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub columns: Option<[String; 3]>,
-    /// The frame of the measured coordinates; the base where it is left out.
+    /// The frame of the measured coordinates, or of `at` of a point of a rigid body; the base where it is
+    /// left out.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub frame: Option<String>,
 }
-
-/// In the place of a key column: one unknown for each pose.
-const EACH_POSE: &str = "pose";
 
 impl Point {
     /// True for a point whose place is not known.
@@ -394,7 +392,7 @@ impl Point {
         self.unknown.is_some()
     }
 
-    /// True for a point that is somewhere else in each pose: it is no parameter.
+    /// True for a point that is unknown in each pose by itself: it is no parameter.
     #[must_use]
     pub fn moves(&self) -> bool {
         self.unknown.as_deref().is_some_and(|keys| keys.iter().any(|key| key == EACH_POSE))

@@ -2,6 +2,9 @@
 
 use nalgebra::Vector3;
 
+/// In the place of a key column: one unknown for each pose.
+pub(super) const EACH_POSE: &str = "pose";
+
 /// A plane that points touch: `normal · p = offset`.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -45,7 +48,7 @@ pub struct Line {
     pub unknown: Option<Vec<String>>,
 }
 
-/// A frame in which another instrument measures points.
+/// A frame in which another instrument measures points, or of a rigid body that carries points.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
@@ -53,11 +56,12 @@ pub struct Line {
 pub struct Frame {
     /// Name of the frame, for points.
     pub name: String,
-    /// Where it is in the base: `x y z` in length units, `rx ry rz` in radians, eq. (1).
+    /// Where it is in the base: `x y z` in length units, `rx ry rz` in radians, eq. (1). Of a body that is
+    /// somewhere else in each pose where it is looked for, and what stays as drawn.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub pose: Option<[f64; 6]>,
     /// Key columns of the readings: each distinct combination of their values is one unknown frame;
-    /// `[]` is one frame for all rows.
+    /// `[]` is one frame for all rows, `["pose"]` one for each pose: a body that moves.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub unknown: Option<Vec<String>>,
 }
@@ -97,10 +101,20 @@ impl Plane {
 }
 
 impl Frame {
+    /// True for a body that is somewhere else in each pose: it is no parameter.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        self.keys_of_all().iter().any(|key| key == EACH_POSE)
+    }
+
+    fn keys_of_all(&self) -> &[String] {
+        keys(self.unknown.as_ref())
+    }
+
     /// Columns that tell its unknown places apart; none for one place in all rows.
     #[must_use]
     pub fn keys(&self) -> &[String] {
-        keys(self.unknown.as_ref())
+        if self.moves() { &[] } else { self.keys_of_all() }
     }
 }
 

@@ -111,6 +111,17 @@ impl Mechanism {
         self.points.iter().enumerate().find_map(|(i, p)| Some((i, inside(p)?)))
     }
 
+    /// The body that carries a point: one that is somewhere else in each pose.
+    pub(crate) fn body_of(&self, point: &Point) -> Option<usize> {
+        let frame = point.frame.as_ref().filter(|_| point.columns.is_none())?;
+        self.frames.iter().position(|f| f.name == *frame && f.moves())
+    }
+
+    /// True for a point that is somewhere else in each pose, by itself or with a body.
+    pub(crate) fn is_moving(&self, point: &Point) -> bool {
+        point.moves() || self.body_of(point).is_some()
+    }
+
     /// Key columns of the readings, which tell unknown things apart, in the order of the things.
     #[must_use]
     pub fn key_columns(&self) -> Vec<String> {
@@ -209,7 +220,7 @@ impl Mechanism {
         }
         let stands = closure.between.each_ref().map(|name| {
             let point = self.points.iter().find(|point| point.name == *name);
-            point.is_some_and(|point| point.chain.is_none() && !point.moves())
+            point.is_some_and(|point| point.chain.is_none() && !self.is_moving(point))
         });
         match stands {
             [true, false] => Some(0),

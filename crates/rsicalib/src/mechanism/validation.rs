@@ -116,8 +116,11 @@ impl Mechanism {
                     return Err(refuse(place(), format!("channel {}", quoted(name)), known));
                 }
                 let expected = match seen.iter().find(|(of, ..)| *of == name) {
+                    Some((_, chain, _)) if *chain != number => {
+                        "all rows of a channel in one chain: a loop between two links of a chain is \
+                         drawn in the frame of the first of them, as if that were the base"
+                    }
                     Some(_) if row.ratio.is_none() => "each channel at one joint, or a ratio here",
-                    Some((_, chain, _)) if *chain != number => "all rows of a channel in one chain",
                     Some((.., before)) if before.joint != row.joint => {
                         "joints of one channel that all turn, or all slide"
                     }
@@ -160,7 +163,7 @@ impl Mechanism {
         let own = point.is_unknown() && point.chain.is_none() && point.columns.is_none();
         match (&point.at, &point.columns) {
             _ if own => Ok(()),
-            (Some(_), None) if !point.is_unknown() && point.frame.is_none() => Ok(()),
+            (Some(_), None) if !point.is_unknown() => Ok(()),
             (None, Some(_)) if !point.is_unknown() && point.chain.is_none() => Ok(()),
             _ => Err(refuse(
                 place(),
@@ -216,7 +219,37 @@ impl Mechanism {
         for (part, name) in closure.kind.facts().between().into_iter().zip(&closure.between) {
             known(self.index_of(part, name), place)?;
         }
-        Ok(())
+        self.check_that_it_varies(closure)
+    }
+
+    /// Refuses a closure of what is unknown in each pose that nothing measures and that has no noise: it
+    /// has no variance by which it could be weighed.
+    fn check_that_it_varies(&self, closure: &Closure) -> Result<(), Error> {
+        let parts = closure.kind.facts().between().into_iter().zip(&closure.between);
+        let ends = parts.filter(|(part, _)| *part == Part::Point);
+        let ends: Vec<&Point> =
+            ends.filter_map(|(_, name)| self.points.iter().find(|p| p.name == *name)).collect();
+        let read = |point: &&Point| point.chain.is_some() || point.columns.is_some();
+        let measured = closure.channel.is_some() || matches!(closure.value, Some(Value::Column(_)));
+        let noisy = measured || closure.noise.is_some_and(|noise| noise > 0.0);
+        if noisy || ends.iter().any(read) || !ends.iter().any(|point| self.is_moving(point)) {
+            return Ok(());
+        }
+        let place = format!("closure {}", quoted(&closure.name));
+        let rigid = ends.len() == 2 && ends.iter().all(|point| self.is_moving(point));
+        let (found, expected) = match rigid {
+            true => (
+                "a known distance between two points that are somewhere else in each pose, and no `noise`",
+                "points of one rigid body: a [[frame]] with `unknown = [\"pose\"]`, and at each point \
+                 `frame` with its name and `at` in it; where they are on two bodies, `noise`: how well \
+                 the distance is known",
+            ),
+            false => (
+                "a point that is somewhere else in each pose, nothing that measures it here, and no `noise`",
+                "`noise`: how well the closure holds",
+            ),
+        };
+        Err(refuse(place, found.into(), expected.into()))
     }
 
     /// Checks that both ends of a distance between unknown points name a point and its columns.

@@ -9,7 +9,7 @@ use crate::model::compiled::{
     Added, CompiledClosure, ElectronicsAt, Gate, Gating, LoadAt, Model, SensorAt, ShapeAt,
 };
 use crate::model::drives::Drives;
-use crate::model::ends::{self, MovedEnd, Only};
+use crate::model::ends::{self, MovedEnd, Moving, Only};
 use crate::model::instance::{Instance, bound_to_session};
 use crate::model::law_at::LawAt;
 use crate::model::numbering::{Owned, Unknown, number_unknowns};
@@ -233,7 +233,6 @@ impl Model {
                 (0..term_parameters).chain(own.map(|k| term_parameters + k)).collect()
             })
             .collect();
-        let (posed, pose_unknowns) = ends::posed_points(mechanism);
         let gravity = mechanism
             .gravity
             .map_or(Vector3::zeros(), |g| Vector3::from(g).try_normalize(0.0).unwrap_or_default());
@@ -264,8 +263,7 @@ impl Model {
             owned,
             columns,
             unknowns,
-            posed,
-            pose_unknowns,
+            posed: Moving::of(mechanism),
         };
         model.compile_terms(readings);
         model.compile_chains()?;

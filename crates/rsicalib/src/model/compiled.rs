@@ -6,7 +6,7 @@ use crate::kinematics::elements::{Element, Source, Way, Weight};
 use crate::kinematics::posture::Lever;
 use crate::mechanism::{ClosureKind, Mechanism, Target};
 use crate::model::drives::Drives;
-use crate::model::ends::{End, Measured, MovedEnd, Only, Posed};
+use crate::model::ends::{End, Measured, MovedEnd, Moving, Only};
 use crate::model::instance::Instance;
 use crate::model::law_at::LawAt;
 use crate::model::numbering::{Owned, Unknown};
@@ -222,10 +222,8 @@ pub struct Model {
     pub unknowns: Vec<Unknown>,
     /// For each of them, the axes from which a plane or a line leans.
     pub(crate) axes: Vec<[[f64; 3]; 3]>,
-    /// Points that are somewhere else in each pose.
-    pub(crate) posed: Vec<Posed>,
-    /// Number of their coordinates: unknowns of one pose alone.
-    pub(crate) pose_unknowns: usize,
+    /// Points and bodies that are somewhere else in each pose.
+    pub(crate) posed: Moving,
     pub(crate) equations: usize,
     pub(crate) steps: Vec<Vec<Element>>,
     pub(crate) closures: Vec<CompiledClosure>,
@@ -327,7 +325,7 @@ impl Model {
     /// in one pose alone takes one equation for each of its coordinates.
     #[must_use]
     pub fn equations(&self) -> usize {
-        self.equations.saturating_sub(self.pose_unknowns)
+        self.equations.saturating_sub(self.pose_unknowns())
     }
 
     /// Number of scalar equations that one row of these readings gives, where closures that do not hold
@@ -337,7 +335,7 @@ impl Model {
         if readings.holding.is_whole() {
             return self.equations();
         }
-        let mut touched = vec![false; self.posed.len()];
+        let mut touched = vec![false; self.posed.points.len()];
         let mut equations = 0;
         for closure in self.closures.iter().filter(|c| readings.holding.holds(row, c.number)) {
             equations += closure.equations();
@@ -347,9 +345,13 @@ impl Model {
                 }
             }
         }
-        let own = self.posed.iter().zip(touched).filter(|(_, touched)| *touched);
-        let taken = own.flat_map(|(posed, _)| &posed.slots).filter(|slot| slot.is_some()).count();
-        equations.saturating_sub(taken)
+        let Moving { points, bodies, .. } = &self.posed;
+        let own = || points.iter().zip(&touched).filter(|(_, touched)| **touched);
+        let of_points = own().flat_map(|(posed, _)| &posed.slots);
+        let bodies = bodies.iter().enumerate();
+        let bodies = bodies.filter(|(body, _)| own().any(|(posed, _)| posed.body == Some(*body)));
+        let slots = of_points.chain(bodies.flat_map(|(_, body)| &body.slots));
+        equations.saturating_sub(slots.filter(|slot| slot.is_some()).count())
     }
 
     /// The same of all rows with a weight above zero.
@@ -388,13 +390,13 @@ impl Model {
     /// Number of coordinates that are unknown in one pose alone.
     #[must_use]
     pub fn pose_unknowns(&self) -> usize {
-        self.pose_unknowns
+        self.posed.unknowns
     }
 
     /// What a sample has: a reading of each channel, then the coordinates of its own pose.
     #[must_use]
     pub fn stride(&self) -> usize {
-        self.scales.len() + self.pose_unknowns
+        self.scales.len() + self.pose_unknowns()
     }
 
     /// First parameter of something unknown, in the samples of a group.
@@ -577,6 +579,12 @@ impl Model {
             .flat_map(|(k, (_, equations))| equations.map(move |equation| (k, equation)))
     }
 
+    /// True where another instrument measures something of a closure: a length, or where a point is.
+    pub(crate) fn measures(&self) -> bool {
+        let seen = |end: &End| matches!(end, End::Seen(..));
+        self.closures.iter().any(|it| it.is_measured() || it.ends.iter().any(seen))
+    }
+
     /// The kind of each closure that takes part in samples and declares no play, by kind and by what
     /// its ends are; none for rigid distances of a mechanism, for joints between chains, and for closures that
     /// do. A bar or a surface somewhere is set up and touched, and its seating is as unknown as it is.
@@ -593,7 +601,7 @@ impl Model {
             // Two chains that touch are one mechanism, with a joint there.
             let set_up = ends.contains(&2) || closure.on.is_some();
             let rigid = closure.kind.has_value() && !set_up;
-            let rigid = rigid || ends == [0, 0] || self.pose_unknowns > 0;
+            let rigid = rigid || ends == [0, 0] || self.pose_unknowns() > 0;
             let open = !rigid && closure.noise == 0.0;
             open.then_some((closure.kind, ends))
         };

@@ -8,7 +8,7 @@ use crate::kinematics::elements::Source;
 use crate::mechanism::{Closure, Mechanism};
 use crate::model::numbering::Owned;
 use crate::model::thing::Thing;
-use crate::numerics::lanes::{Lanes, Vec3};
+use crate::numerics::lanes::{Lanes, Vec3, cross, minus};
 
 /// The frame of a measured point.
 #[derive(Debug, Clone, Copy)]
@@ -75,26 +75,122 @@ impl MovedEnd {
 /// A point that is somewhere else in each pose.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Posed {
-    /// Where it is looked for, and what stays as drawn.
+    /// Where it is looked for, and what stays as drawn; of a point of a body where that has it.
     pub(crate) at: [f64; 3],
     /// For each coordinate its number among those of a pose; none where it is as drawn.
     pub(crate) slots: [Option<usize>; 3],
+    /// The body that carries it.
+    pub(crate) body: Option<usize>,
 }
 
-/// The points of a mechanism that are somewhere else in each pose, and how many coordinates they have.
-pub(crate) fn posed_points(mechanism: &Mechanism) -> (Vec<Posed>, usize) {
-    let mut count = 0;
-    let moving = mechanism.points.iter().filter(|p| p.moves());
-    let points = moving.map(|p| {
+/// A rigid body that is somewhere else in each pose.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Body {
+    /// Where it is looked for, and what stays as drawn: `x y z rx ry rz`.
+    pub(crate) pose: [f64; 6],
+    /// For each of them its number among those of a pose; none where it is as drawn.
+    pub(crate) slots: [Option<usize>; 6],
+}
+
+/// What is somewhere else in each pose.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Moving {
+    /// Points.
+    pub(crate) points: Vec<Posed>,
+    /// Rigid bodies.
+    pub(crate) bodies: Vec<Body>,
+    /// Number of their coordinates.
+    pub(crate) unknowns: usize,
+}
+
+impl Moving {
+    /// What a mechanism has of it.
+    pub(crate) fn of(mechanism: &Mechanism) -> Self {
+        let mut unknowns = 0;
         let mut next = || {
-            count += 1;
-            count - 1
+            unknowns += 1;
+            unknowns - 1
         };
-        let slots = p.frees().map(|free| free.then(&mut next));
-        Posed { at: p.at.unwrap_or_default(), slots }
-    });
-    let points = points.collect();
-    (points, count)
+        let frames: Vec<usize> =
+            (0..mechanism.frames.len()).filter(|f| mechanism.frames[*f].moves()).collect();
+        let points = mechanism.points.iter().filter(|p| mechanism.is_moving(p));
+        let points = points.map(|p| Posed {
+            at: p.at.unwrap_or_default(),
+            slots: p.frees().map(|free| free.then(&mut next)),
+            body: mechanism.body_of(p).and_then(|own| frames.iter().position(|f| *f == own)),
+        });
+        let points = points.collect();
+        let bodies = frames.iter().map(|f| Body {
+            pose: mechanism.frames[*f].pose.unwrap_or_default(),
+            slots: std::array::from_fn(|_| Some(next())),
+        });
+        let bodies = bodies.collect();
+        Self { points, bodies, unknowns }
+    }
+
+    /// The slots of all coordinates, with what is drawn of each.
+    pub(crate) fn slots(&self) -> impl Iterator<Item = (&Option<usize>, f64)> {
+        let points = self.points.iter().flat_map(|p| p.slots.iter().zip(p.at));
+        points.chain(self.bodies.iter().flat_map(|b| b.slots.iter().zip(b.pose)))
+    }
+
+    /// The slots of all coordinates.
+    pub(crate) fn slots_mut(&mut self) -> impl Iterator<Item = &mut Option<usize>> {
+        let points = self.points.iter_mut().flat_map(|p| &mut p.slots);
+        points.chain(self.bodies.iter_mut().flat_map(|b| &mut b.slots))
+    }
+
+    /// Where a point is, with what its coordinates in a pose are.
+    pub(crate) fn place(&self, number: usize, xi: &[Lanes]) -> Vec3 {
+        let Posed { at, slots, body } = &self.points[number];
+        let own =
+            |(slot, drawn): (&Option<usize>, f64)| slot.map_or(Lanes::splat(drawn), |k| xi[k]);
+        let Some(body) = body else {
+            let mut coordinates = slots.iter().zip(*at).map(own);
+            return std::array::from_fn(|_| coordinates.next().unwrap_or(Lanes::ZERO));
+        };
+        let (origin, rotation, _) = self.pose(*body, xi);
+        std::array::from_fn(|i| {
+            let turned = (0..3).map(|j| rotation[i][j] * at[j]);
+            turned.fold(origin[i], |sum, part| sum + part)
+        })
+    }
+
+    /// How a point moves with each of its coordinates in a pose.
+    pub(crate) fn moves(&self, number: usize, point: &Vec3, xi: &[Lanes]) -> Vec<(usize, Vec3)> {
+        let Posed { slots, body, .. } = &self.points[number];
+        let along = |slots: &[Option<usize>]| -> Vec<(usize, Vec3)> {
+            let each = slots.iter().enumerate();
+            each.filter_map(|(axis, slot)| Some(((*slot)?, unit(axis)))).collect()
+        };
+        let Some(body) = body else { return along(slots) };
+        let (origin, _, axes) = self.pose(*body, xi);
+        let arm = minus(point, &origin);
+        let [translations, turns] = [0, 1].map(|k| &self.bodies[*body].slots[3 * k..3 * k + 3]);
+        let turned =
+            turns.iter().zip(axes).filter_map(|(slot, axis)| Some(((*slot)?, cross(&axis, &arm))));
+        along(translations).into_iter().chain(turned).collect()
+    }
+
+    /// Origin of a body, its rotation row by row, and the axes about which `rx ry rz` turn it, eq. (1).
+    fn pose(&self, body: usize, xi: &[Lanes]) -> (Vec3, [Vec3; 3], [Vec3; 3]) {
+        let Body { pose, slots } = &self.bodies[body];
+        let of = |k: usize| slots[k].map_or(Lanes::splat(pose[k]), |slot| xi[slot]);
+        let [(sx, cx), (sy, cy), (sz, cz)] = [3, 4, 5].map(|k| of(k).sin_cos());
+        let (zero, one) = (Lanes::ZERO, Lanes::ONE);
+        let rotation = [
+            [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
+            [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
+            [-sy, cy * sx, cy * cx],
+        ];
+        let axes = [[cz * cy, sz * cy, -sy], [-sz, cz, zero], [zero, zero, one]];
+        ([of(0), of(1), of(2)], rotation, axes)
+    }
+}
+
+/// One along an axis of the base.
+fn unit(axis: usize) -> Vec3 {
+    std::array::from_fn(|i| if i == axis { Lanes::ONE } else { Lanes::ZERO })
 }
 
 /// The ends of a closure.
@@ -118,8 +214,9 @@ fn point(mechanism: &Mechanism, name: &str, owned: &[Owned]) -> Result<End, Erro
     let point = &mechanism.points[index];
     let at = point.at.unwrap_or_default();
     let number = |thing: Thing| owned.iter().position(|o| o.thing == thing);
-    if point.moves() {
-        return Ok(End::Posed(mechanism.points[..index].iter().filter(|p| p.moves()).count()));
+    if mechanism.is_moving(point) {
+        let before = mechanism.points[..index].iter().filter(|p| mechanism.is_moving(p));
+        return Ok(End::Posed(before.count()));
     }
     if let Some(number) = number(Thing::Point(index)) {
         return Ok(End::Unknown(number, at, point.frees()));
@@ -142,9 +239,15 @@ fn point(mechanism: &Mechanism, name: &str, owned: &[Owned]) -> Result<End, Erro
         };
         return Ok(End::Seen(columns.each_ref().map(place), frame));
     }
-    Ok(match &point.chain {
-        Some(chain) => End::Carried(mechanism.chain_index(chain)?, at),
-        None => End::Fixed(at),
+    Ok(match (&point.chain, &point.frame) {
+        (Some(chain), _) => End::Carried(mechanism.chain_index(chain)?, at),
+        (None, None) => End::Fixed(at),
+        (None, Some(frame)) => {
+            let pose = mechanism.frames[mechanism.frame_index(frame)?].pose.unwrap_or_default();
+            let (turned, at) = (turned(&pose[3..]), at.map(Lanes::splat));
+            let turned = rotate(&turned, &at).map(|lanes| lanes.0[0]);
+            End::Fixed(std::array::from_fn(|i| pose[i] + turned[i]))
+        }
     })
 }
 

@@ -351,9 +351,9 @@ impl Model {
             ws.x.clear();
             ws.x.resize(self.equations * width, Lanes::ZERO);
         }
-        if self.pose_unknowns > 0 && (want.x || want.a) {
+        if self.pose_unknowns() > 0 && (want.x || want.a) {
             ws.b.clear();
-            ws.b.resize(self.equations * self.pose_unknowns, Lanes::ZERO);
+            ws.b.resize(self.equations * self.pose_unknowns(), Lanes::ZERO);
         }
         let (group, seen) = (readings.blocks()[block].group, readings.columns(block));
         for closure in self.closures.iter().filter(|closure| closure.equations() > 0) {
@@ -488,12 +488,11 @@ impl Model {
                         }
                     }
                     End::Posed(number) => {
-                        for (axis, slot) in self.posed[*number].slots.iter().enumerate() {
-                            let Some(slot) = slot else { continue };
-                            let unit = unit(axis);
+                        let point = if sign > 0.0 { &placed[0] } else { &placed[1] };
+                        for (slot, moved) in self.posed.moves(*number, point, &ws.xi) {
                             for row in 0..closure.equations() {
-                                let entry = (closure.equation + row) * self.pose_unknowns + slot;
-                                ws.b[entry] += closure.kind.by_end(&at, row, &unit, sign);
+                                let entry = (closure.equation + row) * self.pose_unknowns() + slot;
+                                ws.b[entry] += closure.kind.by_end(&at, row, &moved, sign);
                             }
                         }
                     }
@@ -534,7 +533,7 @@ impl Model {
         };
         only(&mut ws.g, self.scales.len());
         only(&mut ws.laws.h, self.amounts);
-        only(&mut ws.b, self.pose_unknowns);
+        only(&mut ws.b, self.pose_unknowns());
         if want.x {
             only(&mut ws.x, self.width());
         }
@@ -633,16 +632,7 @@ impl Model {
                 }
                 point
             }
-            End::Posed(number) => {
-                let posed = &self.posed[*number];
-                let mut point = posed.at.map(Lanes::splat);
-                for (point, slot) in point.iter_mut().zip(&posed.slots) {
-                    if let Some(slot) = slot {
-                        *point = ws.xi[*slot];
-                    }
-                }
-                point
-            }
+            End::Posed(number) => self.posed.place(*number, &ws.xi),
             End::Seen(columns, frame) => {
                 let point = [seen[columns[0]], seen[columns[1]], seen[columns[2]]];
                 match frame {

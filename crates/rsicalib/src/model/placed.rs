@@ -73,7 +73,7 @@ impl Model {
         beta: &[f64],
         ws: &mut Workspace,
     ) -> Vec<Lanes> {
-        let drawn = self.posed.iter().flat_map(|p| p.slots.iter().zip(p.at));
+        let drawn = self.posed.slots();
         let drawn = drawn.filter(|(slot, _)| slot.is_some()).map(|(_, at)| Lanes::splat(at));
         let mut best = self.nearest(readings, block, a, beta, drawn.collect(), ws);
         let among = self.among(readings, block, beta, ws);
@@ -94,8 +94,8 @@ impl Model {
     /// Amid the ends that hold each point.
     fn among(&self, readings: &Readings, block: usize, beta: &[f64], ws: &Workspace) -> Vec<Lanes> {
         let (group, seen) = (readings.blocks()[block].group, readings.columns(block));
-        let mut sums = vec![[Lanes::ZERO; 3]; self.posed.len()];
-        let mut counts = vec![0.0; self.posed.len()];
+        let mut sums = vec![[Lanes::ZERO; 3]; self.posed.points.len()];
+        let mut counts = vec![0.0; self.posed.points.len()];
         for closure in self.closures.iter().filter(|c| c.kind.is_between_points()) {
             let (number, other) = match closure.ends {
                 [End::Posed(number), other] | [other, End::Posed(number)] => (number, other),
@@ -108,8 +108,8 @@ impl Model {
             sums[number].iter_mut().zip(at).for_each(|(sum, at)| *sum += at);
             counts[number] += 1.0;
         }
-        let mut xi = Vec::with_capacity(self.pose_unknowns);
-        for ((posed, sum), count) in self.posed.iter().zip(&sums).zip(counts) {
+        let mut xi = Vec::with_capacity(self.pose_unknowns());
+        for ((posed, sum), count) in self.posed.points.iter().zip(&sums).zip(counts) {
             for ((slot, sum), at) in posed.slots.iter().zip(sum).zip(posed.at) {
                 if slot.is_some() {
                     let none = count == 0.0;
@@ -117,6 +117,8 @@ impl Model {
                 }
             }
         }
+        let bodies = self.posed.bodies.iter().flat_map(|body| body.slots.iter().zip(body.pose));
+        xi.extend(bodies.filter(|(slot, _)| slot.is_some()).map(|(_, at)| Lanes::splat(at)));
         xi
     }
 
@@ -170,10 +172,10 @@ impl Model {
 
     /// Leaves as drawn what no closure determines of the points that are somewhere else in each pose.
     pub(crate) fn leave_out_loose_coordinates(&mut self, readings: &Readings) {
-        if self.pose_unknowns == 0 {
+        if self.pose_unknowns() == 0 {
             return;
         }
-        let (n, lengths, beta) = (self.pose_unknowns, self.lengths(), self.nominal());
+        let (n, lengths, beta) = (self.pose_unknowns(), self.lengths(), self.nominal());
         let mut ws = Workspace::default();
         let mut kept: Vec<usize> = Vec::new();
         let all = readings.blocks().len();
@@ -189,10 +191,10 @@ impl Model {
         if kept.len() == n {
             return;
         }
-        for slot in self.posed.iter_mut().flat_map(|p| &mut p.slots) {
+        for slot in self.posed.slots_mut() {
             *slot = slot.and_then(|own| kept.iter().position(|k| *k == own));
         }
-        self.pose_unknowns = kept.len();
+        self.posed.unknowns = kept.len();
     }
 }
 

@@ -150,7 +150,8 @@ impl Thing {
         let points = points.filter(|(_, p)| !p.moves()).map(|(k, _)| Self::Point(k));
         let planes = mechanism.planes.iter().enumerate().filter(|(_, p)| p.unknown.is_some());
         let lines = mechanism.lines.iter().enumerate().filter(|(_, l)| l.unknown.is_some());
-        let frames = mechanism.frames.iter().enumerate().filter(|(_, f)| f.unknown.is_some());
+        let frames =
+            mechanism.frames.iter().enumerate().filter(|(_, f)| f.unknown.is_some() && !f.moves());
         let on = planes.map(|(k, _)| Self::Plane(k)).chain(lines.map(|(k, _)| Self::Line(k)));
         points.chain(on).chain(frames.map(|(k, _)| Self::Frame(k)))
     }

@@ -39,7 +39,7 @@ pub fn points(
     let mut rows = Vec::new();
     let mut ws = Workspace::default();
     for (block, meta) in readings.blocks().iter().enumerate().step_by(stride) {
-        let on_closures = match has_platform(model) || !model.posed.is_empty() {
+        let on_closures = match has_platform(model) || !model.posed.points.is_empty() {
             true => settled(&part, noise, block, beta),
             false => readings.raw(block).to_vec(),
         };
