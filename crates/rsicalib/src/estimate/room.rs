@@ -117,14 +117,14 @@ fn volume(s: DMatrix<f64>, b: &DMatrix<f64>) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::DMatrix;
+    use nalgebra::{DMatrix, DVector};
 
     use super::volume;
 
     #[test]
     fn a_place_that_is_unknown_takes_its_part_of_the_equations() {
         // Two equations f = (a₁ - ξ, a₂ - ξ): what is left is a₁ - a₂, whose variance is that of both.
-        let variances = DMatrix::from_diagonal(&nalgebra::dvector![0.3, 1.7]);
+        let variances = DMatrix::from_diagonal(&DVector::from_vec(vec![0.3, 1.7]));
         let b = DMatrix::from_element(2, 1, -1.0);
         let left = volume(variances, &b).expect("a covariance");
         assert!((left - 2.0_f64.ln()).abs() < 1e-12);
