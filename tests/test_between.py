@@ -78,7 +78,8 @@ def test_a_result_says_how_halves_differ() -> None:
     )
     # Linearised at the whole, and at 16 of 150 poses.
     assert halves.difference == pytest.approx(float(np.sqrt((apart**2).mean())), rel=0.3)
-    assert "3 placements differ by" in found.summary()
+    assert found.between.sd == 0.0
+    assert "3 placements do not differ, or by less than" in found.summary()
     assert all(p.sd_between is not None for p in found.parameters if p.sd is not None)
 
 

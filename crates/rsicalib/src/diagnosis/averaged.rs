@@ -1,7 +1,7 @@
 //! A session as the search sees it: one sample for each held pose, or stretch of a long recording, with
 //! its noise, and what its readings say of a fit.
 
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 use crate::Error;
 use crate::diagnosis::options::{LEVEL, Rule, SearchOptions};
@@ -13,7 +13,6 @@ use crate::diagnosis::stretches::Stretches;
 use crate::estimate::noise::open;
 use crate::estimate::noise::source::variance_of_readings;
 use crate::estimate::on_closures::means;
-use crate::estimate::room::Rooms;
 use crate::estimate::{Fit, FitOptions, Observations, fit};
 use crate::model::Instance;
 use crate::numerics::lm;
@@ -49,8 +48,6 @@ pub struct Averaged<'a> {
     pub(crate) data: Data,
     /// Scores at fits: the same are asked for again.
     scans: Mutex<KnownScans>,
-    /// Room that the first fit leaves the readings: all others are compared with it.
-    rooms: OnceLock<Option<Rooms>>,
 }
 
 impl<'a> Averaged<'a> {
@@ -135,7 +132,6 @@ impl<'a> Averaged<'a> {
             unverified: fit.unverified(),
             data: Data { scale, dof: fit.dof },
             scans: Mutex::default(),
-            rooms: OnceLock::new(),
         }
     }
 
@@ -204,10 +200,9 @@ impl<'a> Averaged<'a> {
         Said { data: self.data, chi2: cost(fit), larger_noise }
     }
 
-    /// What readings say of a fit, (168) included.
+    /// What readings say of a fit.
     pub(crate) fn said_of(&self, fit: &Fit) -> f64 {
-        let rooms = self.rooms.get_or_init(|| Rooms::of(&self.small, fit));
-        self.data.of(cost(fit)) + rooms.as_ref().map_or(0.0, |it| it.price(&self.small, fit))
+        self.data.of(cost(fit))
     }
 
     /// An instance of the search as one of the session.

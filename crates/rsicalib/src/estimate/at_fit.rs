@@ -31,7 +31,7 @@ pub struct AtFit<'a> {
     q: Mat<f64>,
     /// `p`
     pub pull: Vec<f64>,
-    /// `â`, and `ã` of (169) where play moves joints, block by block: [`AtFit::settled`].
+    /// `â`, and `ã` of (168) where play moves joints, block by block: [`AtFit::settled`].
     adjusted: Vec<Lanes>,
 }
 
@@ -72,7 +72,7 @@ impl<'a> AtFit<'a> {
         Self { observations, fit, residuals, inverse, q, pull, adjusted }
     }
 
-    /// Readings of a block as the fit settles them, `â`, (169). The columns of terms are those of `â`:
+    /// Readings of a block as the fit settles them, `â`, (168). The columns of terms are those of `â`:
     /// what is to be compared with them must be of `â` as well, since `a - â` follows the residual.
     pub fn settled(&self, block: usize) -> &[Lanes] {
         let channels = self.observations.readings.channels;

@@ -31,7 +31,6 @@ mod priors;
 pub mod progress;
 mod residuals;
 mod rewired;
-pub(crate) mod room;
 pub mod search;
 pub(crate) mod settle;
 pub mod significance;

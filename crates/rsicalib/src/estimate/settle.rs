@@ -33,7 +33,7 @@ pub(crate) fn settled(part: &Part, noise: &Noise, block: usize, x: &[f64]) -> Ve
 }
 
 /// Readings of one block that are moved onto the closures as if play were as little as it is beside what
-/// readings span, (169); `none` where no play moves joints.
+/// readings span, (168); `none` where no play moves joints.
 pub(crate) struct Closing(Option<Room>);
 
 impl Closing {

@@ -1,14 +1,16 @@
-//! Where play moves joints, and what a session spreads over beside it: `T` of (168) and (169).
+//! Where play moves joints, and what a session spreads over beside it: `T` of (168).
 
 use crate::estimate::objective::{Noise, Play};
 use crate::model::Model;
 use crate::readings::Readings;
 
-/// True where closures have play that moves joints.
+/// True where closures have play that moves joints. What another instrument measures errs by itself, and what a surface
+/// leaves may be its own shape.
 pub(crate) fn seats(model: &Model, noise: &Noise) -> bool {
     let Play { of_seating, of_sample } = noise.of_closures(model);
     let some = |play: &[f64]| play.iter().any(|play| *play > 0.0);
-    some(&of_seating) && !some(&of_sample) && !model.measures()
+    let elsewhere = model.measures() || model.mechanism.touches_surfaces();
+    some(&of_seating) && !some(&of_sample) && !elsewhere
 }
 
 /// Variance of the readings of each channel over a session.
