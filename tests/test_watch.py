@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import rsicalib
-from rsicalib import DEMO, InputError, Monitor
+from rsicalib import DEMO, InputError, Mechanism, Monitor, Term
 from rsicalib.io.stream import rows_of
 from tests import oracle
 from tests.commands import run_text
@@ -263,6 +263,19 @@ def test_what_cannot_be_watched_is_refused(step: dict[str, Any], tmp_path: Path)
     missing = tmp_path / "none.csv"
     with pytest.raises(InputError, match="No such file"):
         list(rsicalib.watch(missing, step["calibration"]))
+
+
+@pytest.mark.parametrize("way", ["direction", "travelled[a11]"])
+def test_a_law_of_the_way_is_refused_whatever_else_it_needs(way: str) -> None:
+    values = Mechanism.rsi().to_dict() | {"gravity": [0.0, 0.0, -9.81]}
+    own = Term(
+        "own", klass="load", per="channel", correction=f"a*torque*{way}", parameters={"a": 1e-3}
+    )
+    mechanism = Mechanism(values).with_terms([own])
+    terms = ["offset", "gain", "own@a22"]
+    found = rsicalib.calibrate(DEMO / "readings.csv", mechanism, rest=DEMO / "rest.csv", terms=terms)
+    with pytest.raises(InputError, match="own"):
+        list(rsicalib.watch(DEMO / "check.csv", found, mechanism))
 
 
 def test_the_demo_is_watched_under_all_that_was_found_of_it() -> None:

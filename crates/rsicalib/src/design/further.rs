@@ -627,14 +627,15 @@ struct Visits<'a> {
 
 impl<'a> Visits<'a> {
     fn new(session: &'a Observations, own: &[Instance], options: &'a FurtherOptions) -> Self {
-        let needs = |needs: Needs| own.iter().any(|i| i.term.info().needs == needs);
+        let of_way =
+            |i: &Instance| i.term.needs().iter().any(|n| *n != Needs::Motion && n.of_way());
         let passes =
             |i: &Instance| i.term.info().needs == Needs::Order && i.term.placed() == Placed::Once;
         let timed = own.iter().any(passes) && session.readings.timed;
         Self {
             session,
             from: options.from.as_deref(),
-            dynamic: timed || needs(Needs::Approach) || needs(Needs::Way),
+            dynamic: timed || own.iter().any(of_way),
             timed,
             pace: 1.0 / (session.readings.poses().max(2) - 1) as f64,
         }

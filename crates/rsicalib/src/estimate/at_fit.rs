@@ -65,9 +65,12 @@ impl<'a> AtFit<'a> {
             residuals.by_parameter = Vec::new();
         }
         let mut adjusted = problem.into_adjusted();
-        let mut closing = Closing::new(&part, &fit.assumed());
-        for (block, a_hat) in adjusted.chunks_exact_mut(part.stride()).enumerate() {
-            closing.close(&part, block, &fit.beta, a_hat);
+        if let Some(noise) = Closing::noise(&part, &fit.assumed()) {
+            let mut closing = Closing::new(part.model, &noise);
+            for (block, a_hat) in adjusted.chunks_exact_mut(part.stride()).enumerate() {
+                let moved = closing.close(&part, block, &fit.beta, a_hat);
+                a_hat.copy_from_slice(moved);
+            }
         }
         Self { observations, fit, residuals, inverse, q, pull, adjusted }
     }

@@ -200,9 +200,11 @@ impl Again {
 }
 
 /// χ² per degree of freedom below which a loop closes with a mistake undone, where `left` is what it is as
-/// declared: by far less, and no more than a start may leave that leads to a fit.
-pub(crate) fn closing(observations: &Observations, left: f64) -> f64 {
-    observations.options.good_start.min(left / DECISIVE)
+/// declared: by far less, and no more than a start may leave that leads to a fit. None where mistakes are not
+/// looked for: in a long recording, and where the loop closes as declared.
+pub(crate) fn closing(observations: &Observations, left: f64) -> Option<f64> {
+    (!observations.is_long() && left >= DECISIVE)
+        .then(|| observations.options.good_start.min(left / DECISIVE))
 }
 
 /// Readings or offsets in the other unit, where the loop closes with it and by far not as declared:
@@ -214,10 +216,7 @@ pub(crate) fn in_other_unit(
     left: f64,
     refit: impl Fn(&Observations) -> Result<Again, Error>,
 ) -> Option<Suspicion> {
-    if observations.is_long() || left.is_nan() || left < DECISIVE {
-        return None;
-    }
-    let limit = closing(observations, left);
+    let limit = closing(observations, left)?;
     let again = |Rewired { readings, observations: of }: Rewired, noise: &Noise| {
         Again::of(&of, (&of.mechanism, readings.table), noise, &refit)
     };
@@ -229,7 +228,7 @@ pub(crate) fn in_other_unit(
         let (other, channels) = Rewired::scaled(observations, &observations.readings, times)?;
         let mut noise = noise.clone();
         channels.iter().for_each(|&c| noise.sigma[c] *= times);
-        let chances: Vec<_> = other.by_chance().collect();
+        let chances: Vec<_> = other.by_chance(true).collect();
         let with = again(other, &noise)?.left;
         // What moves less, or is as noisy as that, may close by chance; where no fit of such readings
         // starts, they do not.

@@ -239,6 +239,7 @@ impl Implicit<'_> {
         let (part, noise) = &self.parts[0];
         let own = Part { model, ..*part };
         let readings = part.readings;
+        let moved = Closing::noise(&own, noise);
         let mut adjusted = self.adjusted();
         let one = |first: usize, chunk: &mut [Lanes]| {
             dispatch(
@@ -246,16 +247,18 @@ impl Implicit<'_> {
                 || {
                     let mut settling = Room::new(own.model, noise);
                     let mut room = Room::new(part.model, noise);
-                    let mut closing = Closing::new(&own, noise);
+                    let mut closing = moved.as_ref().map(|noise| Closing::new(own.model, noise));
                     let mut sums = zero();
                     for (block, a_hat) in (first..).zip(chunk.chunks_exact_mut(part.stride())) {
                         let seated = self.seatings[0].of_block(readings, block);
                         settling.seat(seated);
                         room.seat(seated);
                         settling.settle(&own, block, beta, a_hat, false);
-                        let mut closed = a_hat.to_vec();
-                        closing.close(&own, block, beta, &mut closed);
-                        room.linearise(part, block, readings.raw(block), x, &mut closed, 0);
+                        let at = match &mut closing {
+                            Some(closing) => closing.close(&own, block, beta, a_hat),
+                            None => a_hat,
+                        };
+                        room.linearise(part, block, readings.raw(block), x, at, 0);
                         room.weigh(part.weight(block));
                         visit(&mut sums, readings.blocks()[block].group, &room.w, &room.ws.x);
                     }

@@ -4,7 +4,6 @@ use crate::Error;
 use crate::estimate::degrees::{Again, closing};
 use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
-use crate::estimate::rewired::DECISIVE;
 use crate::estimate::suspicion::{Closes, Measure, Suspicion};
 use crate::mechanism::{Mechanism, Value};
 
@@ -82,9 +81,7 @@ pub(crate) fn in_other_unit(
     left: f64,
     refit: impl Fn(&Observations) -> Result<Again, Error>,
 ) -> Option<Suspicion> {
-    if observations.is_long() || left.is_nan() || left < DECISIVE {
-        return None;
-    }
+    let limit = closing(observations, left)?;
     let lengths = drawn(&mut observations.mechanism.clone());
     if lengths.len() < FEW {
         return None;
@@ -95,8 +92,7 @@ pub(crate) fn in_other_unit(
         let table = observations.readings.table.clone();
         let with = Again::of(observations, (&mechanism, table), noise, &refit)?.left;
         let closes = Closes { with, declared: left };
-        (with < closing(observations, left))
-            .then_some((with, Suspicion::Length { at, size: declared, times, closes }))
+        (with < limit).then_some((with, Suspicion::Length { at, size: declared, times, closes }))
     });
     tried.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, suspicion)| suspicion)
 }

@@ -22,9 +22,7 @@ pub(crate) fn miswired(
     left: f64,
     refit: impl Fn(&Observations) -> Result<Again, Error>,
 ) -> Option<Suspicion> {
-    if observations.is_long() || left.is_nan() || left < DECISIVE {
-        return None;
-    }
+    let limit = closing(observations, left)?;
     let readings = &*observations.readings;
     let closes = |with| Closes { with, declared: left };
     let again = |Rewired { readings, observations: of }: Rewired| {
@@ -46,5 +44,5 @@ pub(crate) fn miswired(
     let mut found = found.into_iter();
     let (with, suspicion) = found.next()?;
     let next = found.next().map_or(f64::INFINITY, |(next, _)| next);
-    (with < closing(observations, left.min(next))).then_some(suspicion)
+    (with < limit.min(next / DECISIVE)).then_some(suspicion)
 }

@@ -124,17 +124,18 @@ impl Rewired {
 }
 
 impl Rewired {
-    /// Readings with which closing is no evidence of the unit of these, each with what its χ² counts
-    /// times: of other poses, and twice and half as large, by a noise that is, too. Angles times .017
-    /// hardly move: there is a plane through any points that stand nearly still, and a loop is straight
-    /// along a part of its way. A loop that closes for its unit does not with another gain.
-    pub(crate) fn by_chance(&self) -> impl Iterator<Item = (Self, f64)> {
+    /// Readings with which closing is no evidence of these, each with what its χ² counts times: of other
+    /// poses, and where these are in another unit (`of_unit`) twice and half as large, by a noise that is, too.
+    /// Angles times .017 hardly move: there is a plane through any points that stand nearly still, and a loop is
+    /// straight along a part of its way. A loop that closes for its unit does not with another gain.
+    pub(crate) fn by_chance(&self, of_unit: bool) -> impl Iterator<Item = (Self, f64)> {
         let scaled = |times: f64| {
             let (other, _) = Self::scaled(&self.observations, &self.readings, times)?;
             Some((other, times.powi(-2)))
         };
         let others = self.of_other_poses().ok().map(|others| (others, 1.0));
-        others.into_iter().chain([2.0, 0.5].into_iter().filter_map(scaled))
+        let gains = [2.0, 0.5].into_iter().filter(move |_| of_unit).filter_map(scaled);
+        others.into_iter().chain(gains)
     }
 
     /// The same with the readings of each channel from other poses.
@@ -263,9 +264,7 @@ pub(crate) fn suspect(search: &StartSearch<'_>, best: Option<&End>) -> Option<Su
     let mut found = poses.mistakes(declared).into_iter();
     let (score, suspicion, rewired) = found.next()?;
     let next = found.next().map_or(f64::INFINITY, |(score, ..)| score);
-    // Twice and half are told from a unit, and not from wires.
-    let of_unit = matches!(suspicion, Suspicion::Degrees { .. });
-    let chances = rewired.by_chance().take(if of_unit { usize::MAX } else { 1 });
+    let chances = rewired.by_chance(matches!(suspicion, Suspicion::Degrees { .. }));
     let by_chance = chances.map(|(other, counts)| counts * poses.without(&other));
     let by_chance = by_chance.fold(f64::INFINITY, f64::min);
     let limit = declared.min(next).min(by_chance) / DECISIVE;

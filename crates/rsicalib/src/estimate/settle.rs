@@ -32,31 +32,46 @@ pub(crate) fn settled(part: &Part, noise: &Noise, block: usize, x: &[f64]) -> Ve
     a_hat
 }
 
-/// Readings of one block that are moved onto the closures as if play were as little as it is beside what
-/// readings span, (168); `none` where no play moves joints.
-pub(crate) struct Closing(Option<Room>);
+/// Readings of a block that are moved onto the closures as if play were as little as it is beside what
+/// readings span, (168).
+pub(crate) struct Closing {
+    room: Room,
+    closed: Vec<Lanes>,
+}
 
 impl Closing {
-    pub(crate) fn new(part: &Part, noise: &Noise) -> Self {
-        let wide = || {
-            let sigma = spread(part.readings).into_iter().map(f64::sqrt).collect();
-            Room::new(part.model, &Noise { sigma, ..noise.clone() })
-        };
-        Self(seats(part.model, noise).then(wide))
+    /// The noise with which they are moved: that of readings that are anywhere in their session; none where no
+    /// play moves joints.
+    pub(crate) fn noise(part: &Part, noise: &Noise) -> Option<Noise> {
+        let sigma = || spread(part.readings).into_iter().map(f64::sqrt).collect();
+        seats(part.model, noise).then(|| Noise { sigma: sigma(), ..noise.clone() })
     }
 
-    /// Moves settled readings.
-    pub(crate) fn close(&mut self, part: &Part, block: usize, x: &[f64], a_hat: &mut [Lanes]) {
-        let Some(room) = &mut self.0 else { return };
-        let from = a_hat[..part.readings.channels].to_vec();
+    /// By [`Closing::noise`].
+    pub(crate) fn new(model: &Model, noise: &Noise) -> Self {
+        Self { room: Room::new(model, noise), closed: Vec::new() }
+    }
+
+    /// Settled readings of a block, moved.
+    pub(crate) fn close(
+        &mut self,
+        part: &Part,
+        block: usize,
+        x: &[f64],
+        settled: &[Lanes],
+    ) -> &mut [Lanes] {
+        let Self { room, closed } = self;
+        closed.clear();
+        closed.extend_from_slice(settled);
         part.model.absent(part.readings, block, &mut room.absent);
         for _ in 0..INNER {
             let want = Want { x: false, a: true };
-            part.model.evaluate(part.readings, block, a_hat, x, want, &mut room.ws);
-            if !room.step(&from, a_hat) {
+            part.model.evaluate(part.readings, block, closed, x, want, &mut room.ws);
+            if !room.step(&settled[..part.readings.channels], closed) {
                 break;
             }
         }
+        closed
     }
 }
 

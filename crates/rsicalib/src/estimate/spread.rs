@@ -17,9 +17,6 @@ pub(crate) fn seats(model: &Model, noise: &Noise) -> bool {
 pub(crate) fn spread(readings: &Readings) -> Vec<f64> {
     let (channels, rows) = (readings.channels, readings.samples.max(1) as f64);
     let of = |c: usize| readings.table.values.iter().skip(c).step_by(channels);
-    let variance = |c: usize| {
-        let mean = of(c).sum::<f64>() / rows;
-        of(c).map(|a| (a - mean).powi(2)).sum::<f64>() / rows
-    };
+    let variance = |c: usize| of(c).map(|a| (a - readings.mean[c]).powi(2)).sum::<f64>() / rows;
     (0..channels).map(variance).collect()
 }

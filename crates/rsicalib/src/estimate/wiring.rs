@@ -55,7 +55,7 @@ pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspected> {
     }
     for (other, channels, times) in Rewired::every_unit(search.observations, &search.readings) {
         let by_chance = other
-            .by_chance()
+            .by_chance(true)
             .filter_map(|(other, counts)| rewired(search, &other).map(|end| counts * end.score));
         let by_chance = by_chance.fold(f64::INFINITY, f64::min);
         if let Some(end) = rewired(search, &other).filter(|e| e.score * DECISIVE < by_chance) {

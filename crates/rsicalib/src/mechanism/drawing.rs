@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vect
 
 use crate::closures::ClosureKind;
 use crate::mechanism::law::Law;
-use crate::mechanism::places::{Column, EACH_POSE, Frame, Line, Plane};
+use crate::mechanism::places::{Column, Frame, Line, Plane, is_of_each_pose};
 
 /// Serial chains with sensed joints, and the closures between the chains.
 ///
@@ -395,7 +395,7 @@ impl Point {
     /// True for a point that is unknown in each pose by itself: it is no parameter.
     #[must_use]
     pub fn moves(&self) -> bool {
-        self.unknown.as_deref().is_some_and(|keys| keys.iter().any(|key| key == EACH_POSE))
+        is_of_each_pose(self.unknown.as_ref())
     }
 
     /// Columns that tell the unknown places of this point apart; none for one place in all rows.

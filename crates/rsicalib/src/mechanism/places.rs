@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 /// In the place of a key column: one unknown for each pose.
-pub(super) const EACH_POSE: &str = "pose";
+const EACH_POSE: &str = "pose";
 
 /// A plane that points touch: `normal · p = offset`.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -84,6 +84,11 @@ fn keys(unknown: Option<&Vec<String>>) -> &[String] {
     unknown.map(Vec::as_slice).unwrap_or_default()
 }
 
+/// True for something that has another unknown place in each pose.
+pub(super) fn is_of_each_pose(unknown: Option<&Vec<String>>) -> bool {
+    keys(unknown).iter().any(|key| key == EACH_POSE)
+}
+
 impl Plane {
     /// Columns that tell its unknown places apart; none for one place in all rows.
     #[must_use]
@@ -104,17 +109,13 @@ impl Frame {
     /// True for a body that is somewhere else in each pose: it is no parameter.
     #[must_use]
     pub fn moves(&self) -> bool {
-        self.keys_of_all().iter().any(|key| key == EACH_POSE)
-    }
-
-    fn keys_of_all(&self) -> &[String] {
-        keys(self.unknown.as_ref())
+        is_of_each_pose(self.unknown.as_ref())
     }
 
     /// Columns that tell its unknown places apart; none for one place in all rows.
     #[must_use]
     pub fn keys(&self) -> &[String] {
-        if self.moves() { &[] } else { self.keys_of_all() }
+        if self.moves() { &[] } else { keys(self.unknown.as_ref()) }
     }
 }
 

@@ -454,9 +454,9 @@ impl Model {
             columns.extend(closure.shapes.iter().flat_map(|s| s.first..s.first + s.width));
             columns.extend(closure.moved.iter().flat_map(|m| m.first..m.first + 3));
             self.columns_of_channels(&seen, None, &mut columns);
-            for chain in self.laws.iter().flat_map(|law| law.hung(&self.mechanism)) {
-                let channels = self.mechanism.channels_of(chain);
-                self.columns_of_channels(&channels, Some(chain), &mut columns);
+            for joint in self.laws.iter().flat_map(|law| law.hangs.iter().flatten()) {
+                let channels = self.mechanism.channels_of(joint.chain);
+                self.columns_of_channels(&channels, Some(joint.chain), &mut columns);
             }
             let laws = self.laws.iter().filter(|law| closure.laws.contains(&law.to));
             columns.extend(laws.flat_map(|law| law.first..law.first + law.term.width));

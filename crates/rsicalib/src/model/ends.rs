@@ -143,11 +143,8 @@ impl Moving {
     /// Where a point is, with what its coordinates in a pose are.
     pub(crate) fn place(&self, number: usize, xi: &[Lanes]) -> Vec3 {
         let Posed { at, slots, body } = &self.points[number];
-        let own =
-            |(slot, drawn): (&Option<usize>, f64)| slot.map_or(Lanes::splat(drawn), |k| xi[k]);
         let Some(body) = body else {
-            let mut coordinates = slots.iter().zip(*at).map(own);
-            return std::array::from_fn(|_| coordinates.next().unwrap_or(Lanes::ZERO));
+            return std::array::from_fn(|i| slots[i].map_or(Lanes::splat(at[i]), |k| xi[k]));
         };
         let (origin, rotation, _) = self.pose(*body, xi);
         std::array::from_fn(|i| {
@@ -157,19 +154,29 @@ impl Moving {
     }
 
     /// How a point moves with each of its coordinates in a pose.
-    pub(crate) fn moves(&self, number: usize, point: &Vec3, xi: &[Lanes]) -> Vec<(usize, Vec3)> {
+    pub(crate) fn moves(
+        &self,
+        number: usize,
+        point: &Vec3,
+        xi: &[Lanes],
+    ) -> impl Iterator<Item = (usize, Vec3)> + use<> {
         let Posed { slots, body, .. } = &self.points[number];
-        let along = |slots: &[Option<usize>]| -> Vec<(usize, Vec3)> {
-            let each = slots.iter().enumerate();
-            each.filter_map(|(axis, slot)| Some(((*slot)?, unit(axis)))).collect()
-        };
-        let Some(body) = body else { return along(slots) };
-        let (origin, _, axes) = self.pose(*body, xi);
-        let arm = minus(point, &origin);
-        let [translations, turns] = [0, 1].map(|k| &self.bodies[*body].slots[3 * k..3 * k + 3]);
-        let turned =
-            turns.iter().zip(axes).filter_map(|(slot, axis)| Some(((*slot)?, cross(&axis, &arm))));
-        along(translations).into_iter().chain(turned).collect()
+        let mut each = [None; 6];
+        let (along, turns) = each.split_at_mut(3);
+        let translations = body.map_or(*slots, |b| [0, 1, 2].map(|k| self.bodies[b].slots[k]));
+        for (axis, (entry, slot)) in along.iter_mut().zip(translations).enumerate() {
+            *entry = slot.map(|slot| (slot, unit(axis)));
+        }
+        if let Some(body) = body {
+            let (origin, _, axes) = self.pose(*body, xi);
+            let arm = minus(point, &origin);
+            for (entry, (slot, axis)) in
+                turns.iter_mut().zip(self.bodies[*body].slots[3..].iter().zip(axes))
+            {
+                *entry = slot.map(|slot| (slot, cross(&axis, &arm)));
+            }
+        }
+        each.into_iter().flatten()
     }
 
     /// Origin of a body, its rotation row by row, and the axes about which `rx ry rz` turn it, eq. (1).
@@ -188,9 +195,12 @@ impl Moving {
     }
 }
 
-/// One along an axis of the base.
-fn unit(axis: usize) -> Vec3 {
-    std::array::from_fn(|i| if i == axis { Lanes::ONE } else { Lanes::ZERO })
+/// The unit vector of an axis of the base.
+#[inline(always)]
+pub(crate) fn unit(axis: usize) -> Vec3 {
+    let mut unit = [Lanes::ZERO; 3];
+    unit[axis] = Lanes::ONE;
+    unit
 }
 
 /// The ends of a closure.

@@ -25,7 +25,7 @@ use crate::kinematics::posture::Posture;
 use crate::mechanism::MOST_PARAMETERS;
 use crate::model::compiled::{CompiledClosure, Model, Patch};
 use crate::model::drives::Drives;
-use crate::model::ends::{End, Measured, rotate, seen_from, turn_axes, turned};
+use crate::model::ends::{End, Measured, rotate, seen_from, turn_axes, turned, unit};
 use crate::model::lean::Lean;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
@@ -36,14 +36,6 @@ use crate::readings::Readings;
 #[inline(always)]
 fn absent(parameters: &[f64]) -> bool {
     parameters.iter().all(|p| *p == 0.0)
-}
-
-/// The unit vector of an axis of the base.
-#[inline(always)]
-fn unit(axis: usize) -> Vec3 {
-    let mut unit = [Lanes::ZERO; 3];
-    unit[axis] = Lanes::ONE;
-    unit
 }
 
 /// A point of a frame, in base coordinates.

@@ -26,6 +26,8 @@ pub(crate) struct LawAt {
     pub(crate) joint: Joint,
     /// Of each variable the channel or the column that it is of, where it is of one.
     pub(crate) of: Vec<usize>,
+    /// Of each variable the joint whose torque or reach it is, where it is one.
+    pub(crate) hangs: Vec<Option<Joint>>,
     pub(crate) whose: Weight,
     pub(crate) session: Option<usize>,
     pub(crate) first: usize,
@@ -45,10 +47,19 @@ impl LawAt {
         let whose = weight_of(mechanism);
         let at = |part: Target| {
             let (chain, channel) = place(mechanism, part);
-            let of = term.variables.iter().map(|v| number(mechanism, chain, *v)).collect();
+            let of: Vec<usize> =
+                term.variables.iter().map(|v| number(mechanism, chain, *v)).collect();
             let to = channel.unwrap_or_default();
             let joint = Joint { chain, channel };
-            Self { term, part, joint, of, whose, session, first, to }
+            let hung = |(v, of): (&Variable, &usize)| match v {
+                Variable::Torque | Variable::Reach => Some(joint),
+                Variable::TorqueOf(_) => {
+                    mechanism.chain_of(*of).map(|chain| Joint { chain, channel: Some(*of) })
+                }
+                _ => None,
+            };
+            let hangs = term.variables.iter().zip(&of).map(hung).collect();
+            Self { term, part, joint, of, hangs, whose, session, first, to }
         };
         let term = instance.term;
         let parts = parts(mechanism, instance).into_iter();
@@ -65,28 +76,10 @@ impl LawAt {
         named.filter(|(v, _)| matches!(v, Variable::Coordinate(_))).map(|(_, of)| *of)
     }
 
-    /// The joint whose torque or reach a variable is; none for other variables. `of` is the channel that it
-    /// names.
-    pub(crate) fn hangs(
-        &self,
-        mechanism: &Mechanism,
-        variable: Variable,
-        of: usize,
-    ) -> Option<Joint> {
-        match variable {
-            Variable::Torque | Variable::Reach => Some(self.joint),
-            Variable::TorqueOf(_) => {
-                mechanism.chain_of(of).map(|chain| Joint { chain, channel: Some(of) })
-            }
-            _ => None,
-        }
-    }
-
-    /// The chains of joints that the law names for their torque.
-    pub(crate) fn hung(&self, mechanism: &Mechanism) -> impl Iterator<Item = usize> {
-        let named = self.term.variables.iter().zip(&self.of);
-        let named = named.filter(|(v, _)| matches!(v, Variable::TorqueOf(_)));
-        named.filter_map(|(v, of)| Some(self.hangs(mechanism, *v, *of)?.chain))
+    /// True where it depends on how a chain hangs.
+    #[inline(always)]
+    pub(crate) fn sees_hang(&self, chain: usize) -> bool {
+        self.hangs.iter().flatten().any(|joint| joint.chain == chain)
     }
 
     /// Gives the law a coordinate of its own, if it adds to no joint's; the number of them.

@@ -43,7 +43,8 @@ impl Model {
             site.channel = law.joint.channel.unwrap_or_default();
             let term = law.term;
             let mut seen = [Lanes::ZERO; MOST_VARIABLES];
-            for ((seen, variable), of) in seen.iter_mut().zip(&term.variables).zip(&law.of) {
+            let each = term.variables.iter().zip(&law.of).zip(&law.hangs);
+            for (seen, ((variable, of), hangs)) in seen.iter_mut().zip(each) {
                 *seen = match variable {
                     Variable::Theta(_) | Variable::Coordinate(_) => ws.angles[*of],
                     Variable::Column(_) => readings.columns(block)[*of],
@@ -55,8 +56,7 @@ impl Model {
                     }
                     Variable::Length => self.length_of(law, readings.columns(block), &ws.angles),
                     Variable::Torque | Variable::TorqueOf(_) | Variable::Reach => {
-                        let joint = law.hangs(&self.mechanism, *variable, *of);
-                        let joint = joint.unwrap_or(law.joint);
+                        let joint = hangs.unwrap_or(law.joint);
                         match (&self.drives, joint.channel) {
                             _ if *variable == Variable::Reach => {
                                 reach(joint, &ws.unloaded, &ws.carried)
@@ -86,7 +86,8 @@ impl Model {
                 room.by_parameter.push((law.first + k, l, out[1 + k]));
             }
             let slopes = &out[1 + term.width..];
-            for ((variable, slope), of) in term.variables.iter().zip(slopes).zip(&law.of) {
+            let each = term.variables.iter().zip(&law.of).zip(&law.hangs);
+            for (((variable, of), hangs), slope) in each.zip(slopes) {
                 let (scale, slope) = (&self.scales[site.channel], *slope);
                 let by_reading = match variable {
                     Variable::Reading => 1.0,
@@ -104,8 +105,7 @@ impl Model {
                     }
                     Variable::Torque | Variable::TorqueOf(_) if self.drives.is_some() => continue,
                     Variable::Torque | Variable::TorqueOf(_) | Variable::Reach => {
-                        let joint = law.hangs(&self.mechanism, *variable, *of);
-                        let joint = joint.unwrap_or(law.joint);
+                        let joint = hangs.unwrap_or(law.joint);
                         let whose = (*variable != Variable::Reach).then_some(law.whose);
                         let (hung, carried) = (&ws.unloaded, &ws.carried);
                         let gates = &ws.gates;
@@ -139,13 +139,7 @@ impl Model {
     /// The chains under no load, where a law needs to know how they hang.
     #[inline(always)]
     fn hang(&self, beta: &[f64], ws: &mut Workspace) {
-        let of_law = |law: &LawAt, chain: usize| {
-            let mut variables = law.term.variables.iter().zip(&law.of);
-            variables.any(|(v, of)| {
-                law.hangs(&self.mechanism, *v, *of).is_some_and(|joint| joint.chain == chain)
-            })
-        };
-        let hangs = |chain: usize| self.laws.iter().any(|law| of_law(law, chain));
+        let hangs = |chain: usize| self.laws.iter().any(|law| law.sees_hang(chain));
         if !(0..self.steps.len()).any(hangs) {
             return;
         }

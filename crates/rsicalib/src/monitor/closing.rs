@@ -215,11 +215,7 @@ fn average(mechanism: &Mechanism, under: &mut Under, beta: &[f64]) -> Result<(),
 
 /// True for a term that depends on where the mechanism came from.
 fn needs_neighbours(instance: &Instance) -> bool {
-    instance
-        .term
-        .needs()
-        .iter()
-        .any(|needs| matches!(needs, Needs::Approach | Needs::Way | Needs::Motion))
+    instance.term.needs().into_iter().any(Needs::of_way)
 }
 
 /// Rows that are compared: those in which everything unknown is the result's.

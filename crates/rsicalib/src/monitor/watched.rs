@@ -305,9 +305,9 @@ fn refuse(mechanism: &Mechanism) -> Result<(), Error> {
 /// Refuses terms that need more than one row.
 fn refuse_context(under: &Under) -> Result<(), Error> {
     for instance in &under.model.instances {
-        let Info { id, needs, .. } = instance.term.info();
-        if matches!(needs, Needs::Approach | Needs::Way | Needs::Motion | Needs::Temperature) {
-            return Err(Error::Context { term: id, needs: needs.words() });
+        let of_more = |needs: &Needs| needs.of_way() || *needs == Needs::Temperature;
+        if let Some(needs) = instance.term.needs().into_iter().find(of_more) {
+            return Err(Error::Context { term: instance.term.info().id, needs: needs.words() });
         }
     }
     Ok(())

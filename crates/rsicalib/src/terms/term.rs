@@ -48,6 +48,12 @@ impl Needs {
         matches!(self, Self::Nothing | Self::Gravity | Self::Masses)
     }
 
+    /// True for what the way to a row tells, and the row by itself does not.
+    #[must_use]
+    pub fn of_way(self) -> bool {
+        matches!(self, Self::Approach | Self::Way | Self::Motion)
+    }
+
     /// The missing data, for messages.
     #[must_use]
     pub fn words(self) -> &'static str {
