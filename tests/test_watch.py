@@ -273,7 +273,9 @@ def test_a_law_of_the_way_is_refused_whatever_else_it_needs(way: str) -> None:
     )
     mechanism = Mechanism(values).with_terms([own])
     terms = ["offset", "gain", "own@a22"]
-    found = rsicalib.calibrate(DEMO / "readings.csv", mechanism, rest=DEMO / "rest.csv", terms=terms)
+    found = rsicalib.calibrate(
+        DEMO / "readings.csv", mechanism, rest=DEMO / "rest.csv", terms=terms
+    )
     with pytest.raises(InputError, match="own"):
         list(rsicalib.watch(DEMO / "check.csv", found, mechanism))
 
