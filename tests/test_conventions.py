@@ -215,6 +215,24 @@ def test_what_has_no_scale_is_refused_with_advice() -> None:
     assert known.verdict == "adequate" and not known.unobservable
 
 
+def test_two_gains_of_equal_channels_are_refused_and_one_is_found() -> None:
+    """With both gains zero the closure holds whatever is read."""
+    channels = [{"name": name, "unit": "rad", "gain": 1.0, "offset": 0.0} for name in ("a", "b")]
+    closures = [{"name": "same", "kind": "equal", "between": ["a", "b"]}]
+    pair = rsicalib.Mechanism.from_toml(
+        files.toml({"name": "pair", "length_unit": "mm", "channel": channels, "closure": closures})
+    )
+    rng = np.random.default_rng(4)
+    turned = rng.uniform(-1.0, 1.0, 40)
+    noise = 1e-4 * rng.standard_normal((2, 40))
+    read = {"a": turned + noise[0], "b": (turned - 0.02) / 1.03 + noise[1]}
+    with pytest.raises(InputError, match=r"one gain that is known.*gain@CHANNEL"):
+        rsicalib.calibrate(read, pair, terms=["offset", "gain"])
+    found = rsicalib.calibrate(read, pair, terms=["offset@b", "gain@b"])
+    gain = found["gain@b"]
+    assert gain.sd is not None and abs(gain.value - 1.03) < 4 * gain.sd
+
+
 def test_a_tilt_that_repeats_an_offset_stays_as_drawn(tmp_path: Path) -> None:
     """Two terms of one joint that do the same: one of them is held, whatever the noise is."""
     rng = np.random.default_rng(5)

@@ -96,7 +96,7 @@ def test_random_numbers_are_implausible(verb: Any) -> None:
 
 
 @both
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", sized([1], [1, 2]))
 def test_random_postures_at_a_cone_are_implausible_and_nothing_is_found(
     verb: Any, seed: int
 ) -> None:

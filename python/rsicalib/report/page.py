@@ -33,6 +33,7 @@ from rsicalib.report.words import (
     name_of,
     noise_words,
     not_applied,
+    not_tried,
     number,
     p_is,
     parameter_name,
@@ -601,15 +602,7 @@ def _about(result: ResultShape) -> str:
     if result.noise is not None and result.noise.correlation is not None:
         items.append(f"correlation of neighbouring samples {number(result.noise.correlation, 2)}")
     if isinstance(result, TraceShape):
-        items += [f"not tried (missing: {needs}): {names}" for needs, names in _lacking(result)]
+        items += [f"not tried: {words}" for words in not_tried(result)]
     code = f"<code>{escape(result.readings.sha256)}</code>"
     digest = f'<p class="faint">SHA-256 of the readings {code}</p>'
     return section("How", f'<div class="faint">{listed(items)}</div>', digest)
-
-
-def _lacking(result: TraceShape) -> list[tuple[str, str]]:
-    """What is lacking, and the terms that need it."""
-    by_need: dict[str, list[str]] = {}
-    for term, needs in result.not_candidates.items():
-        by_need.setdefault(needs, []).append(name_of(term))
-    return [(needs, ", ".join(names)) for needs, names in by_need.items()]

@@ -18,6 +18,7 @@ from rsicalib.report.words import (
     name_of,
     noise_words,
     not_applied,
+    not_tried,
     number,
     parameter_name,
     plus_minus,
@@ -246,6 +247,7 @@ def _left(result: TraceShape, look: Look) -> list[str]:
         where = labelled(target_words("", hidden.target), hidden.label)
         name = f"{name_of(hidden.term)} of {where}"
         lines += _cut(f"  may hide  {name}{size}{cost}", look)
+    lines += _listed("not tried", not_tried(result), len(result.not_candidates), look)
     return ["", *lines] if lines else []
 
 

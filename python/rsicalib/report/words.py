@@ -40,6 +40,7 @@ __all__ = [
     "name_of",
     "noise_words",
     "not_applied",
+    "not_tried",
     "number",
     "parameter_name",
     "percent",
@@ -666,6 +667,14 @@ REASONS = {
 
 def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
+
+
+def not_tried(result: TraceShape) -> list[str]:
+    """Terms that are no candidates, by what the readings or the mechanism lack for them."""
+    by_need: dict[str, list[str]] = {}
+    for term, needs in result.not_candidates.items():
+        by_need.setdefault(needs, []).append(name_of(term))
+    return [f"{', '.join(names)} (missing: {needs})" for needs, names in by_need.items()]
 
 
 def _next_measurement(result: TraceShape) -> list[str]:

@@ -13,6 +13,7 @@ use crate::estimate::significance::LEVEL;
 use crate::estimate::suspicion::{Closes, InDegrees, Scaled, Suspicion};
 use crate::mechanism::{Channel, Mechanism};
 use crate::model::Model;
+use crate::numerics::lm::SolverOptions;
 use crate::readings::Table;
 use crate::terms::term::Role;
 
@@ -168,6 +169,9 @@ fn by_chance(hits: usize, all: usize) -> f64 {
     (hits..=all).map(probability).sum()
 }
 
+/// A fit ends where steps lower χ² by less than this part of it: such fits are told apart by factors.
+const COMPARED: f64 = 1e-3;
+
 /// A fit of other observations.
 pub(crate) struct Again {
     /// χ² per degree of freedom.
@@ -191,7 +195,8 @@ impl Again {
         let Noise { sigma, play, seating, measured } = noise.clone();
         let (noise, measured) = (Some(sigma), Some(measured));
         let of = observations.options.clone();
-        let options = FitOptions { noise, play, seating, measured, ..of };
+        let lm = SolverOptions { ftol: COMPARED, ..of.lm.clone() };
+        let options = FitOptions { noise, play, seating, measured, lm, ..of };
         let rest = observations.rest.clone();
         let there = Observations::new(mechanism, table, rest, options).ok()?;
         let weights = observations.weights.clone();

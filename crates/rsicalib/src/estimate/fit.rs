@@ -66,6 +66,15 @@ pub fn fit(
             poses: observations.readings.poses(),
         });
     }
+    if search::unscaled(&model, &priors) {
+        return Err(Error::Option {
+            name: "terms",
+            found: "the gains of all channels that a closure makes equal, with which zero fits any readings"
+                .into(),
+            expected: "one gain that is known: name the others, `gain@CHANNEL`, or give one an `sd`"
+                .into(),
+        });
+    }
     let guess = first_noise(observations, from.map(Fit::assumed));
     let start = match from {
         Some(fit) => Start {
@@ -133,7 +142,7 @@ fn begin(observations: &Observations, model: &Model, noise: &Noise) -> Start {
 const ROUNDS: usize = 4;
 
 /// A fit of a search ends where no more than this of ½χ² is to be had: decisions turn on units of χ².
-const ENOUGH: f64 = 1e-5;
+const ENOUGH: f64 = 1e-3;
 
 /// True for two noises of readings that differ by a common factor only, to 1 %.
 fn proportional(a: &Noise, b: &Noise) -> bool {
@@ -246,8 +255,12 @@ fn minimum(
     let judged = observations.judged;
     let earlier = start.adjusted.as_ref().and_then(|it| it.of(&observations.readings));
     let mut adjusted = earlier.map(<[Lanes]>::to_vec);
-    let ptol = if judged { ENOUGH } else { observations.options.lm.ptol };
-    let lm = lm::SolverOptions { ptol, ..observations.options.lm.clone() };
+    let mut lm = observations.options.lm.clone();
+    if judged {
+        let equations = model.told_by(&observations.readings, &observations.weights);
+        lm.ptol = ENOUGH;
+        lm.ftol = lm.ftol.max(2.0 * ENOUGH / equations as f64);
+    }
     let mut declared = observations.options.noise.is_some()
         || observations.mechanism.channels.iter().all(|c| c.noise.is_some());
     let mut warnings: Vec<Suspicion> =

@@ -15,6 +15,7 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+use crate::closures::ClosureKind;
 use crate::estimate::algebraic::Algebraic;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::{Noise, Part};
@@ -84,6 +85,29 @@ pub(crate) fn shrunk(model: &Model, beta: &[f64]) -> bool {
         }
     };
     !closures.is_empty() && (0..closures.len()).all(gone)
+}
+
+/// True where the gains of channels of which `equal` closures alone tell are all fitted: with gains of zero such
+/// closures hold whatever is read.
+pub(crate) fn unscaled(model: &Model, priors: &[Prior]) -> bool {
+    let mechanism = &model.mechanism;
+    let held = |column: usize| {
+        priors.iter().any(|p| matches!(p, Prior::Parameter { column: own, .. } if *own == column))
+    };
+    let equal = |k: usize| mechanism.closures[k].kind == ClosureKind::Equal;
+    let others = (0..mechanism.closures.len()).any(|k| !equal(k));
+    let known = |c: usize| {
+        let gain = model.column(Role::Gain, c);
+        gain.is_none_or(held) || (others && mechanism.moves_joint(c))
+    };
+    let channels = 0..mechanism.channels.len();
+    let mut told: Vec<bool> = channels.clone().map(known).collect();
+    for _ in channels.clone() {
+        for c in channels.clone() {
+            told[c] |= mechanism.made_equal(c).into_iter().any(|other| told[other]);
+        }
+    }
+    channels.clone().any(|c| !told[c] && !mechanism.made_equal(c).is_empty())
 }
 
 /// Number of samples that the search of starts uses.

@@ -164,10 +164,9 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
             let several = names.len() > 1;
             let (verb, gains) =
                 if several { ("read", "their gains") } else { ("reads", "its gain") };
-            let s = if several { "s" } else { "" };
             format!(
-                "{} {verb} the wrong way round: with {gains} reversed {}; exchange the outer wires \
-                 of the potentiometer{s}, or reverse the gain{s} in the mechanism",
+                "{} {verb} the wrong way round: with {gains} reversed {}; reverse {gains} in the \
+                 mechanism, or turn the sensor round (a potentiometer: exchange its outer wires)",
                 names.join(", "),
                 loop_closes(*closes),
             )

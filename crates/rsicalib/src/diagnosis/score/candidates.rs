@@ -8,7 +8,7 @@ use crate::mechanism::{Mechanism, Target};
 use crate::model::{Instance, Model, SHARES, places};
 use crate::terms;
 use crate::terms::targets::{provided, searchable, shared, targets, targets_in};
-use crate::terms::term::{Acts, Per, Placed, Role, Spot, Term};
+use crate::terms::term::{Acts, Needs, Per, Placed, Role, Spot, Term};
 
 /// Named and free candidates that mechanism and readings allow.
 #[must_use]
@@ -45,7 +45,8 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
     all
 }
 
-/// Terms that are no candidates of a session, and what they need, [`Error::Context`].
+/// Terms that are no candidates of a session, and what they need, [`Error::Context`]. What acts in motion alone
+/// does nothing to held poses, and is not lacking there.
 #[must_use]
 pub fn lacking(observations: &Observations) -> Vec<(&'static str, &'static str)> {
     let (mechanism, readings) = (&observations.mechanism, &observations.readings);
@@ -57,7 +58,8 @@ pub fn lacking(observations: &Observations) -> Vec<(&'static str, &'static str)>
             some.then_some((term.info().id, SHARES))
         }
     };
-    terms::all(mechanism).iter().filter_map(lacks).collect()
+    let acts = |term: &&&'static dyn Term| !(readings.held && term.needs().contains(&Needs::Motion));
+    terms::all(mechanism).iter().filter(acts).filter_map(lacks).collect()
 }
 
 /// Whether nothing tells the torque on which a term depends at a target. The torques are computed for
