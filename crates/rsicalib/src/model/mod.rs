@@ -1,6 +1,7 @@
 //! The model: a mechanism with terms, which gives the misclosure of readings.
 
 pub mod assembly;
+#[cfg(feature = "document")]
 mod between;
 mod compile;
 mod compiled;

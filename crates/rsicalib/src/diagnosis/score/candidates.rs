@@ -46,7 +46,7 @@ pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) ->
 }
 
 /// Terms that are no candidates of a session, and what they need, [`Error::Context`]. What acts in motion alone
-/// does nothing to held poses, and is not lacking there.
+/// does nothing to held poses, and a reference nothing to encoders: these are not lacking there.
 #[must_use]
 pub fn lacking(observations: &Observations) -> Vec<(&'static str, &'static str)> {
     let (mechanism, readings) = (&observations.mechanism, &observations.readings);
@@ -58,7 +58,11 @@ pub fn lacking(observations: &Observations) -> Vec<(&'static str, &'static str)>
             some.then_some((term.info().id, SHARES))
         }
     };
-    let acts = |term: &&&'static dyn Term| !(readings.held && term.needs().contains(&Needs::Motion));
+    let acts = |term: &&&'static dyn Term| {
+        let still = readings.held && term.needs().contains(&Needs::Motion);
+        let nowhere = term.info().per == Per::All && targets(**term, mechanism).is_empty();
+        !still && !nowhere
+    };
     terms::all(mechanism).iter().filter(acts).filter_map(lacks).collect()
 }
 
