@@ -233,6 +233,29 @@ def test_two_gains_of_equal_channels_are_refused_and_one_is_found() -> None:
     assert gain.sd is not None and abs(gain.value - 1.03) < 4 * gain.sd
 
 
+def test_closures_that_are_used_up_by_unknowns_of_the_pose_ask_for_a_sensor() -> None:
+    """Three cranks with rods to a plate that is anywhere: a pose has three equations for three."""
+    turns = np.radians([90.0, 210.0, 330.0])
+    legs, ends, rods = [], [], []
+    for k, turn in enumerate(turns, 1):
+        rows = [{"theta": float(turn), "a": 250.0}, {"channel": f"m{k}", "a": 180.0}]
+        legs.append({"name": f"leg{k}", "dh": rows})
+        corner = [60.0 * float(np.cos(turn)), 60.0 * float(np.sin(turn)), 0.0]
+        ends.append({"name": f"elbow{k}", "chain": f"leg{k}", "at": [0.0, 0.0, 0.0]})
+        ends.append({"name": f"corner{k}", "frame": "plate", "at": corner})
+        between = [f"elbow{k}", f"corner{k}"]
+        rods.append({"name": f"rod{k}", "kind": "distance", "between": between, "value": 160.0})
+    motors = [{"name": f"m{k}", "unit": "rad", "gain": 1.0, "offset": 0.0} for k in (1, 2, 3)]
+    whole = {"name": "three cranks", "length_unit": "mm", "channel": motors, "chain": legs}
+    whole |= {"point": ends, "closure": rods, "frame": [{"name": "plate", "unknown": ["pose"]}]}
+    rng = np.random.default_rng(3)
+    read = {f"m{k}": rng.uniform(2.0, 3.0, 40) for k in (1, 2, 3)}
+    found = rsicalib.calibrate(read, rsicalib.Mechanism.from_toml(files.toml(whole)))
+    assert found.verdict == "undetermined" and found.exit_code == 3
+    assert "read one more joint or length" in " ".join(found.summary().split())
+    assert not any("more poses" in line for line in words.advice(found))
+
+
 def test_a_tilt_that_repeats_an_offset_stays_as_drawn(tmp_path: Path) -> None:
     """Two terms of one joint that do the same: one of them is held, whatever the noise is."""
     rng = np.random.default_rng(5)

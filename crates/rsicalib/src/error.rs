@@ -112,7 +112,7 @@ pub enum Error {
     },
     /// Fewer equations than parameters.
     #[error(
-        "{parameters} parameters cannot be found from {equations} equations ({poses} poses); record more poses"
+        "{parameters} parameters cannot be found from {equations} equations ({poses} poses); {}", more(*equations)
     )]
     TooFew {
         /// Number of parameters.
@@ -153,5 +153,13 @@ impl Error {
             }
             other => other,
         }
+    }
+}
+
+/// What tells the parameters that so many equations do not.
+fn more(equations: usize) -> &'static str {
+    match equations {
+        0 => "a pose has as many unknowns as its closures have equations: read one more joint or length",
+        _ => "record more poses",
     }
 }

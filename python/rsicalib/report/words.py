@@ -235,7 +235,7 @@ def _lack(result: ResultShape) -> str:
         )
         return f"{what} predicted to err by {size}, and by {drawn} without any readings"
     lost = any(reason.kind == "unobservable" for reason in result.reasons)
-    return result.unobservable[0] if lost else result.termination
+    return result.unobservable[0] if lost or not result.parameters else result.termination
 
 
 def _carried(result: ResultShape) -> str:
@@ -534,7 +534,8 @@ def advice(result: ResultShape) -> list[str]:
     fit = quality(result)
     if result.verdict in ("adequate", "explained"):
         out.append("Use it: rsicalib forward READINGS --calibration result.json.")
-    if result.verdict == "undetermined":
+    # Where nothing was fitted, what is lacking says what to do.
+    if result.verdict == "undetermined" and result.parameters:
         less = (
             f"leave out --terms {listed_words(result.too_many)}"
             if result.too_many
