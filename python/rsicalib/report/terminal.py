@@ -247,7 +247,8 @@ def _left(result: TraceShape, look: Look) -> list[str]:
         where = labelled(target_words("", hidden.target), hidden.label)
         name = f"{name_of(hidden.term)} of {where}"
         lines += _cut(f"  may hide  {name}{size}{cost}", look)
-    lines += _listed("not tried", not_tried(result), len(result.not_candidates), look)
+    if look.whole:
+        lines += _listed("not tried", not_tried(result), 0, look)
     return ["", *lines] if lines else []
 
 

@@ -141,8 +141,9 @@ fn begin(observations: &Observations, model: &Model, noise: &Noise) -> Start {
 /// Largest number of fits, each with the noise of the fit before.
 const ROUNDS: usize = 4;
 
-/// A fit of a search ends where no more than this of ½χ² is to be had: decisions turn on units of χ².
-const ENOUGH: f64 = 1e-3;
+/// A fit of a search ends where no more than this of half the price is to be had: decisions turn on units of
+/// it. The price is χ², or `d ln χ²` of `d` equations where the fit alone gives the noise, (114).
+const ENOUGH: f64 = 1e-4;
 
 /// True for two noises of readings that differ by a common factor only, to 1 %.
 fn proportional(a: &Noise, b: &Noise) -> bool {
