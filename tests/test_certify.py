@@ -306,6 +306,16 @@ def test_what_changes_between_placements_is_a_part_of_its_own(traced: rsicalib.T
     assert rows[1]["between placements"] == pytest.approx(size * slope, rel=1e-3)
 
 
+def test_an_effect_that_is_not_applied_and_has_no_size_certifies_nothing(
+    traced: rsicalib.Trace,
+) -> None:
+    values = traced.to_dict()
+    assert rsicalib.certify(rsicalib.Trace.from_dict(values), limit=10.0).decision == "within"
+    values["steps"][0] |= {"applied": False, "platform_rms": None}
+    found = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=10.0)
+    assert found.decision == "undecided" and "curvature of a22" in found.reasons[0]
+
+
 def test_an_effect_that_is_not_applied_is_known(traced: rsicalib.Trace) -> None:
     class Left:
         term, target, place = "curvature", "a22", None
@@ -319,6 +329,15 @@ def test_an_effect_that_is_not_applied_is_known(traced: rsicalib.Trace) -> None:
     _, known = certifying._known(left, "position", 0.95, 0.02)
     assert known[-1].source == "effects not applied"
     assert known[-1].error == pytest.approx(np.sqrt(3) * Left.platform_rms.position)  # type: ignore[union-attr,operator]
+
+
+def test_it_says_whose_places_it_is_of(traced: rsicalib.Trace) -> None:
+    assert rsicalib.certify(traced, limit=1.0).conditions[0].startswith("Places of the platform: ")
+    from rsicalib.verbs import certifying
+
+    delta = rsicalib.load_mechanism("delta")
+    assert "carriage a, carriage b and carriage c" in certifying._conditions(traced, delta, "")[0]
+    assert any("place of nozzle" in line for line in certifying._not_covered(traced, delta))
 
 
 def test_the_command_prints_its_document_and_its_plan_works_when_pasted(

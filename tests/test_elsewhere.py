@@ -88,7 +88,9 @@ def test_what_does_not_help_elsewhere_is_named_and_no_part_of_the_parameters() -
     sizes = [step.platform_rms.position for step in found.steps if step.platform_rms]
     assert len(sizes) == len(found.steps) and all(size and size > 0 for size in sizes)
     assert all(step.platform_rms and step.platform_rms.orientation is None for step in found.steps)
-    known = rsicalib.certify(found, between.mechanism(), limit=1e3).known
+    certificate = rsicalib.certify(found, between.mechanism(), limit=1e3)
+    known = certificate.known
+    assert certificate.conditions[0].startswith("Places of ball, as the chains carry it: 200 ")
     own = [s.platform_rms.position for s in named if s.platform_rms and s.platform_rms.position]
     assert [one.source for one in known] == ["effects not applied"]
     assert known[0].error == pytest.approx(np.sqrt(3) * np.linalg.norm(own))

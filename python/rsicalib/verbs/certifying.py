@@ -25,6 +25,7 @@ from rsicalib.plain_text import quoted
 from rsicalib.planning.measures import parameters_of
 from rsicalib.poses.devices import Device, draw_poses
 from rsicalib.poses.places import readings_for
+from rsicalib.report.words import listed_words
 from rsicalib.results.certificate import Certificate, Known, Source, Uncertainty
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
@@ -145,7 +146,7 @@ def certify(
         known=known,
         decides=_decides(result, mechanism, earlier) if decision == "undecided" else None,
         verdict=earlier.verdict,
-        conditions=_conditions(earlier, places),
+        conditions=_conditions(earlier, opened, places),
         rests_on=_rests_on(opened),
         not_covered=_not_covered(earlier, opened),
         independent_points=_checked(earlier),
@@ -299,6 +300,11 @@ def _not_judged(result: Result) -> tuple[str, ...]:
         reasons.append(f"The result is {result.verdict or 'not judged'}: {why}.")
     elif isinstance(result, TraceShape) and not any(h.unseen for h in result.could_hide):
         reasons.append("The result does not hold what its session leaves open: trace again.")
+    if isinstance(result, TraceShape):
+        unsized = [s for s in result.steps if not s.applied and s.platform_rms is None]
+        if unsized:
+            names = listed_words([f"{s.term.replace('_', ' ')} of {s.target}" for s in unsized])
+            reasons.append(f"How large {names} is at these places, not applied, is not known.")
     return tuple(reasons)
 
 
@@ -481,8 +487,13 @@ def _decides(result: CalibrationArg, mechanism: MechanismArg, earlier: Result) -
     return shlex.join([*words, "--poses", str(POSES), "--criterion", "platform"])
 
 
-def _conditions(result: Result, places: str) -> tuple[str, ...]:
-    out = [f"Places: {places}, one reading each, the effects found applied."]
+def _conditions(result: Result, mechanism: Mechanism, places: str) -> tuple[str, ...]:
+    values = mechanism.to_dict()
+    of = "the platform"
+    if not values.get("platform"):
+        names = [point["name"] for point in values.get("point", ()) if point.get("chain")]
+        of = f"{listed_words(names)}, as the chains carry {'it' if len(names) == 1 else 'them'}"
+    out = [f"Places of {of}: {places}, one reading each, the effects found applied."]
     mean = None if result.reference is None else result.reference.temperature
     if mean is not None:
         between = f"{mean - WARMER:.1f} to {mean + WARMER:.1f} °C"
@@ -521,6 +532,13 @@ def _not_covered(result: Result, mechanism: Mechanism) -> tuple[str, ...]:
     out = [f"Not determined by these readings: {text}." for text in result.unobservable]
     out.append("Errors of the length that gives the scale, beyond what the session shows of them.")
     out.append("Loads and speeds that the session did not have, temperatures beyond those above.")
+    moving = [
+        point["name"]
+        for point in mechanism.to_dict().get("point", ())
+        if "pose" in point.get("unknown", ())
+    ]
+    if moving:
+        out.append(f"The place of {listed_words(moving)}, which no chain carries.")
     out.append("Damage and wear since the session: rsicalib watch looks for them.")
     if _by_check(result, "position") is not None:
         out.append("Places that are unlike the check points: by those is what has no explanation.")
