@@ -119,6 +119,62 @@ def test_the_expanded_uncertainty_is_that_of_plain_differences_and_draws(
     assert found.u == pytest.approx(np.sqrt(sum(one.u**2 for one in found.budget)))
 
 
+@pytest.mark.filterwarnings("ignore::rsicalib.OpenLoopsWarning")
+@pytest.mark.parametrize("aligned", [False, True])
+def test_check_points_are_compared_with_what_nobody_named_as_well(
+    traced: rsicalib.Trace, aligned: bool
+) -> None:
+    # (146): one effect is unseen, and does what an offset of a32 does.
+    values = traced.to_dict()
+    left = [h for h in values["could_hide"] if h.get("unseen")]
+    for hidden in left:
+        hidden["unseen"]["probability"] = 0.0
+    one = next(h for h in left if h["term"] == "temperature_offset")
+    names = [(p["term"], p["target"]) for p in values["parameters"]]
+    k, size = names.index(("offset", "a32")), 1e-2
+    one["unseen"] |= {"probability": 1.0, "mean": [0.0], "covariance": [[size**2]]}
+    one["unseen"]["moves"] = [[float(i == k)] for i in range(len(names))]
+    mechanism, poses = rsicalib.load_mechanism("rsi"), rsicalib.workspace(traced, poses=12).poses
+    exact = rsicalib.Device(mechanism, *parameters_of(traced, mechanism)).readings(poses)
+    warmth = np.full(len(poses), values["reference"]["temperature"])
+    number = np.arange(1, len(poses) + 1)
+    places = rsicalib.Readings.from_arrays(mechanism, exact, pose=number, temperature_c=warmth)
+    offset, sides = values["parameters"][k], []
+    here = offset["value"]
+    for sign in (1, -1):
+        offset["value"] = here + sign * 1e-5
+        sides.append(at(values, rsicalib.Readings.from_arrays(mechanism, exact)))
+    offset["value"] = here
+    by = ((sides[0] - sides[1]) / 2e-5 * size).ravel()
+    if aligned:
+        axes = [np.tile(e, len(poses)) for e in np.eye(3)]
+        turns = [np.cross(e, poses[:, :3]).ravel() for e in np.eye(3)]
+        motions = np.stack(axes + turns, axis=1)
+        by -= motions @ np.linalg.lstsq(motions, by, rcond=None)[0]
+    ratio, dof = 400.0, 8.0
+    values["verdict"] = "partly_explained"
+    check = values["after"]["check"]
+    check["predicted"]["chi2"], check["predicted"]["dof"] = ratio * dof, dof
+    if aligned:
+        values["after"]["aligned"] = check
+    p, q = check["predicted"]["position_sd"], np.sqrt(np.mean(by**2))
+    wanted = np.sqrt(ratio * p**2 / (p**2 + q**2))
+    assert 1.5 < wanted < 15, "neither all nor nothing"
+    found = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=1.0, at=places)
+    del values["after"]["check"]
+    values["after"].pop("aligned", None)
+    values["verdict"] = "explained"
+    plain = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=1.0, at=places)
+    assert f"check points: {wanted:.2g} times what is predicted" in found.reasons[0]
+    for source in ("parameters", "unseen"):
+        u = [
+            sum(s.u**2 for s in c.uncertainty.budget if s.source == source) ** 0.5
+            for c in (found, plain)
+            if c.uncertainty is not None
+        ]
+        assert u[0] == pytest.approx(wanted * u[1], rel=1e-3)
+
+
 def test_what_is_left_open_of_an_effect_is_what_a_fit_with_it_says() -> None:
     # (141) from the estimate and its deviation in a fit with the effect, and how the others move.
     base = rsicalib.trace(READINGS, rest=REST)
@@ -250,6 +306,16 @@ def test_what_changes_between_placements_is_a_part_of_its_own(traced: rsicalib.T
     assert rows[1]["between placements"] == pytest.approx(size * slope, rel=1e-3)
 
 
+def test_an_effect_that_is_not_applied_and_has_no_size_certifies_nothing(
+    traced: rsicalib.Trace,
+) -> None:
+    values = traced.to_dict()
+    assert rsicalib.certify(rsicalib.Trace.from_dict(values), limit=10.0).decision == "within"
+    values["steps"][0] |= {"applied": False, "platform_rms": None}
+    found = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=10.0)
+    assert found.decision == "undecided" and "curvature of a22" in found.reasons[0]
+
+
 def test_an_effect_that_is_not_applied_is_known(traced: rsicalib.Trace) -> None:
     class Left:
         term, target, place = "curvature", "a22", None
@@ -263,6 +329,15 @@ def test_an_effect_that_is_not_applied_is_known(traced: rsicalib.Trace) -> None:
     _, known = certifying._known(left, "position", 0.95, 0.02)
     assert known[-1].source == "effects not applied"
     assert known[-1].error == pytest.approx(np.sqrt(3) * Left.platform_rms.position)  # type: ignore[union-attr,operator]
+
+
+def test_it_says_whose_places_it_is_of(traced: rsicalib.Trace) -> None:
+    assert rsicalib.certify(traced, limit=1.0).conditions[0].startswith("Places of the platform: ")
+    from rsicalib.verbs import certifying
+
+    delta = rsicalib.load_mechanism("delta")
+    assert "carriage a, carriage b and carriage c" in certifying._conditions(traced, delta, "")[0]
+    assert any("place of nozzle" in line for line in certifying._not_covered(traced, delta))
 
 
 def test_the_command_prints_its_document_and_its_plan_works_when_pasted(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import rsicalib
 from rsicalib.poses.places import places, readings_for
@@ -83,6 +84,26 @@ def test_what_does_not_help_elsewhere_is_named_and_no_part_of_the_parameters() -
     keys = {(p.term, p.target) for p in found.parameters}
     assert all((step.term, step.target) not in keys for step in named)
     assert "not applied" in found.summary(whole=True)
+    # What it does to the ball, after the best motion of everything: a certificate counts it.
+    sizes = [step.platform_rms.position for step in found.steps if step.platform_rms]
+    assert len(sizes) == len(found.steps) and all(size and size > 0 for size in sizes)
+    assert all(step.platform_rms and step.platform_rms.orientation is None for step in found.steps)
+    certificate = rsicalib.certify(found, between.mechanism(), limit=1e3)
+    known = certificate.known
+    assert certificate.conditions[0].startswith("Places of ball, as the chains carry it: 200 ")
+    own = [s.platform_rms.position for s in named if s.platform_rms and s.platform_rms.position]
+    assert [one.source for one in known] == ["effects not applied"]
+    assert known[0].error == pytest.approx(np.sqrt(3) * np.linalg.norm(own))
+    (one,) = found.steps
+    moved = []
+    for more in ([], [f"{one.term}@{one.target}"]):
+        fit = rsicalib.calibrate(table, between.mechanism(), terms=[*cone_terms(), *more])
+        points = np.asarray(rsicalib.forward(table, between.mechanism(), fit)).reshape(-1, 3)
+        moved.append(points - points.mean(axis=0))
+    turned, _ = Rotation.align_vectors(moved[1], moved[0])
+    rms = np.sqrt(np.mean((turned.apply(moved[0]) - moved[1]) ** 2))
+    # The search may be at another seating noise than a calibration: it weighs a little differently.
+    assert sizes == [pytest.approx(rms, rel=0.02)]
     every = rsicalib.trace(table, between.mechanism(), apply_all=True)
     assert all(step.applied for step in every.steps)
     assert {(s.term, s.target) for s in every.steps} <= {
@@ -145,6 +166,15 @@ def test_a_free_curve_stays_at_its_edge_and_is_known_less_the_further_it_is() ->
     assert found_at.sd is not None
     # Both are differences: theirs of a hundredth of a standard deviation.
     np.testing.assert_allclose(found_at.sd, np.sqrt(variance), rtol=1e-4)
+    # A certificate of the farthest place has it as a source.
+    budgets = {}
+    for row in (0, 3):
+        place = {name: column[row : row + 1] for name, column in rows.items()}
+        told = rsicalib.certify(found, between.mechanism(), limit=1e3, at=place).uncertainty
+        assert told is not None
+        budgets[row] = {one.source: one.u for one in told.budget if one.effect is None}
+    assert "held shapes" not in budgets[0]
+    assert budgets[3]["held shapes"] == pytest.approx(np.linalg.norm((on - held)[3]), rel=1e-6)
 
 
 CHANNELS = [f"q{k + 1}" for k in range(6)]

@@ -36,7 +36,11 @@ class Source(Record):
     @property
     def words(self) -> str:
         """The source in words: `unseen: curvature of a22`."""
-        words = {"noise": "noise of a reading", "unseen": "other effects that nobody named"}
+        words = {
+            "noise": "noise of a reading",
+            "unseen": "other effects that nobody named",
+            "held shapes": "beyond the readings of a shape",
+        }
         if self.effect is None:
             return words.get(self.source, self.source)
         term, _, target = self.effect.partition("@")

@@ -474,12 +474,14 @@ class Misclosure(Record):
 
 @dataclass(frozen=True)
 class Rms(Record):
-    """What an effect does to the platform pose: root mean square over components."""
+    """What an effect does to the platform pose, or, without a platform, to the points that chains
+    carry, after the best rigid motion: root mean square over components.
+    """
 
     position: float | None
     """Position, in units of length."""
     orientation: float | None
-    """Orientation, in radians."""
+    """Orientation, in radians; null of points."""
 
 
 @dataclass(frozen=True)

@@ -432,10 +432,12 @@ def _cost(step: Step, unit: str) -> str:
     out = f"Its score is one that chance gives with {p_is(step.p_value)}. "
     if step.platform_rms is not None:
         rms = step.platform_rms
+        what, turned = "the platform", f" and {number(rms.orientation, 2)} rad"
+        if rms.orientation is None:
+            what, turned = "what the arm carries", ""
         out += (
-            f"It moved the platform by {number(rms.position, 2)} {unit} and "
-            f"{number(rms.orientation, 2)} rad (rms), after the other parameters had absorbed "
-            "what they can. "
+            f"It moved {what} by {number(rms.position, 2)} {unit}{turned} (rms), after the other "
+            "parameters had absorbed what they can. "
         )
     if step.also_fits:
         names = ", ".join(subject(n) for n in step.also_fits)

@@ -117,9 +117,11 @@ def _found(result: TraceShape, step: Step) -> str:
     target = labelled(target_words(step.klass, step.target), step.label)
     said = WRONG.get(_kind(step), "{target} is wrong").format(target=target)
     said = said[:1].upper() + said[1:]
-    off = None if step.platform_rms is None else step.platform_rms.position
-    if off:
-        said += f": it puts the platform {number(off, 2)} {result.length_unit} off"
+    rms = step.platform_rms
+    off = None if rms is None else rms.position
+    if rms is not None and off:
+        what = "the platform" if rms.orientation is not None else "what the arm carries"
+        said += f": it puts {what} {number(off, 2)} {result.length_unit} off"
     return f"{said}. {_sure(result, step)}"
 
 

@@ -205,7 +205,8 @@ def _found(result: TraceShape, look: Look) -> list[str]:
         if step.platform_rms is not None:
             rms = step.platform_rms
             cost = f"{number(rms.position, 2)} {result.length_unit}"
-            extra = f"; platform {cost}, {number(rms.orientation, 2)} rad"
+            turned = "" if rms.orientation is None else f", {number(rms.orientation, 2)} rad"
+            extra = f"; {'platform' if turned else 'it moves points by'} {cost}{turned}"
             line += extra if look.whole or len(line) + len(extra) <= look.width else ""
         lines += _cut(line, look)
         if not step.applied:

@@ -25,6 +25,7 @@ from rsicalib.plain_text import quoted
 from rsicalib.planning.measures import parameters_of
 from rsicalib.poses.devices import Device, draw_poses
 from rsicalib.poses.places import readings_for
+from rsicalib.report.words import listed_words
 from rsicalib.results.certificate import Certificate, Known, Source, Uncertainty
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
@@ -112,13 +113,14 @@ def certify(
     earlier, opened = earlier_result(result, opened)
     quantity, size, unit = _limit(limit, opened)
     table, places = _places(earlier, opened, at)
-    checked, uncertainty = _by_check(earlier), None
+    checked, uncertainty = _by_check(earlier, quantity), None
     reasons = _not_judged(earlier) if checked is None else ()
     bound: tuple[str, ...] = ()
+    times = 1.0
     covariance = _covariance(earlier)
     expanded = math.nan
     if covariance is not None and np.isfinite(covariance).all() and len(covariance):
-        uncertainty, bound = _budget(
+        uncertainty, bound, times = _budget(
             earlier, opened, covariance, table, quantity, confidence, checked
         )
         expanded = uncertainty.expanded
@@ -137,14 +139,14 @@ def certify(
         decision=decision,  # type: ignore[arg-type]
         reasons=(
             *reasons,
-            *_of_check(earlier, checked),
+            *(_of_check(earlier, times) if checked is not None else ()),
             *_why(decision, size, unit, expanded, known, bool(reasons)),
         ),
         uncertainty=uncertainty,
         known=known,
         decides=_decides(result, mechanism, earlier) if decision == "undecided" else None,
         verdict=earlier.verdict,
-        conditions=_conditions(earlier, places),
+        conditions=_conditions(earlier, opened, places),
         rests_on=_rests_on(opened),
         not_covered=_not_covered(earlier, opened),
         independent_points=_checked(earlier),
@@ -298,27 +300,38 @@ def _not_judged(result: Result) -> tuple[str, ...]:
         reasons.append(f"The result is {result.verdict or 'not judged'}: {why}.")
     elif isinstance(result, TraceShape) and not any(h.unseen for h in result.could_hide):
         reasons.append("The result does not hold what its session leaves open: trace again.")
+    if isinstance(result, TraceShape):
+        unsized = [s for s in result.steps if not s.applied and s.platform_rms is None]
+        if unsized:
+            names = listed_words([f"{s.term.replace('_', ' ')} of {s.target}" for s in unsized])
+            reasons.append(f"How large {names} is at these places, not applied, is not known.")
     return tuple(reasons)
 
 
-def _by_check(result: Result) -> tuple[float, float] | None:
-    """χ² of check points by degree of freedom, and those, of a result that leaves something."""
+def _by_check(result: Result, quantity: str) -> tuple[float, float, float, bool] | None:
+    """What check points show of a result that leaves something, as the core takes it.
+
+    χ² by degree of freedom, those, what is predicted of a coordinate, and whether the motion of
+    the instrument was taken out.
+    """
     if result.verdict not in LEFT or not isinstance(result, TraceShape):
         return None
     check = result.quality.aligned or result.quality.check
     told = None if check is None else check.predicted
     if told is None or told.chi2 is None or told.dof is None or not told.dof > 0:
         return None
-    return (told.chi2 / told.dof, told.dof) if any(h.unseen for h in result.could_hide) else None
+    sd = told.position_sd if quantity == "position" else told.orientation_sd
+    if not sd or not any(h.unseen for h in result.could_hide):
+        return None
+    return told.chi2 / told.dof, told.dof, sd, _aligned(result)
 
 
-def _of_check(result: Result, checked: tuple[float, float] | None) -> tuple[str, ...]:
-    if checked is None:
-        return ()
+def _of_check(result: Result, times: float) -> tuple[str, ...]:
+    size = f"{times:.2g} times" if times > 1 else "no more than"
     return (
         f"The result is {result.verdict}: {LEFT[str(result.verdict)]}. How large its errors are is "
-        f"by {_checked(result)} check points: {math.sqrt(max(checked[0], 1.0)):.2g} times what is "
-        "predicted of them.",
+        f"by {_checked(result)} check points: {size} what is predicted of them, with effects that "
+        "nobody named.",
     )
 
 
@@ -329,9 +342,9 @@ def _budget(
     table: Mapping[str, Any],
     quantity: str,
     confidence: float,
-    checked: tuple[float, float] | None,
-) -> tuple[Uncertainty, tuple[str, ...]]:
-    """The budget, and effects that are bound to the session of the result."""
+    checked: tuple[float, float, float, bool] | None,
+) -> tuple[Uncertainty, tuple[str, ...], float]:
+    """The budget, effects bound to the session, and how much larger errors are by check points."""
     noise = result.noise
     assert noise is not None  # `as_applied` refuses a result without it
     hidden = result.could_hide if isinstance(result, TraceShape) else ()
@@ -369,7 +382,7 @@ def _budget(
         places=found["places"],
         budget=tuple(sources),
     )
-    return whole, tuple(found["of_its_session"])
+    return whole, tuple(found["of_its_session"]), found["times"]
 
 
 def _covariance(result: Result) -> FloatArray | None:
@@ -474,8 +487,13 @@ def _decides(result: CalibrationArg, mechanism: MechanismArg, earlier: Result) -
     return shlex.join([*words, "--poses", str(POSES), "--criterion", "platform"])
 
 
-def _conditions(result: Result, places: str) -> tuple[str, ...]:
-    out = [f"Places: {places}, one reading each, the effects found applied."]
+def _conditions(result: Result, mechanism: Mechanism, places: str) -> tuple[str, ...]:
+    values = mechanism.to_dict()
+    of = "the platform"
+    if not values.get("platform"):
+        names = [point["name"] for point in values.get("point", ()) if point.get("chain")]
+        of = f"{listed_words(names)}, as the chains carry {'it' if len(names) == 1 else 'them'}"
+    out = [f"Places of {of}: {places}, one reading each, the effects found applied."]
     mean = None if result.reference is None else result.reference.temperature
     if mean is not None:
         between = f"{mean - WARMER:.1f} to {mean + WARMER:.1f} °C"
@@ -514,8 +532,15 @@ def _not_covered(result: Result, mechanism: Mechanism) -> tuple[str, ...]:
     out = [f"Not determined by these readings: {text}." for text in result.unobservable]
     out.append("Errors of the length that gives the scale, beyond what the session shows of them.")
     out.append("Loads and speeds that the session did not have, temperatures beyond those above.")
+    moving = [
+        point["name"]
+        for point in mechanism.to_dict().get("point", ())
+        if "pose" in point.get("unknown", ())
+    ]
+    if moving:
+        out.append(f"The place of {listed_words(moving)}, which no chain carries.")
     out.append("Damage and wear since the session: rsicalib watch looks for them.")
-    if _by_check(result) is not None:
+    if _by_check(result, "position") is not None:
         out.append("Places that are unlike the check points: by those is what has no explanation.")
     if not _checked(result):
         out.append("The place of the whole in any other frame than the mechanism's own.")

@@ -255,7 +255,7 @@ impl Wanted<'_> {
 
 /// Orthonormal rigid motions of some places to first order, coordinate by coordinate: six, or fewer
 /// where the places lie on a line; none of no places.
-fn rigid_motions(places: &[Vector3<f64>]) -> DMatrix<f64> {
+pub(crate) fn rigid_motions(places: &[Vector3<f64>]) -> DMatrix<f64> {
     if places.is_empty() {
         return DMatrix::zeros(0, 0);
     }

@@ -17,22 +17,30 @@
 //! ```
 //!
 //! Where a result leaves something unexplained, nothing says that its covariance is right. Check points
-//! that were not fitted do: with their `χ²` by what the result predicts, of `ν` degrees of freedom, `δ`
-//! and `h` are drawn
+//! that were not fitted do: with their `χ²` by what the result predicts, of `ν` degrees of freedom and
+//! the standard deviation `p` of a coordinate, and with `q` of the effects that nobody named, `δ` and
+//! `h` are drawn
 //!
 //! ```text
-//! s² = max(1, χ²/ν) · ν/χ²_ν                                                     (146)
+//! s² = max(1, χ²/ν · p²/(p² + q²)) · ν/χ²_ν                                      (146)
 //! ```
 //!
-//! times as large: as far as check points are places like any other.
+//! times as large: as far as check points are places like any other. `q²` is the mean over the places,
+//! after the best rigid motion where that of the instrument was taken out.
+//!
+//! Beyond the readings at which a shape was seen it is held. What it would change by going on, of one that
+//! was found or of one that nobody named, is drawn as well: `N(0, 1)` times as much, alike at all places.
 //!
 //! The rows of the budget are of the place that is known least: `u² = tr var e`, source by source,
 //! so that squares add up, and degrees of freedom are those of Welch and Satterthwaite.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Vector3};
 
 use crate::Error;
+use crate::apply::accuracy::rigid_motions;
 use crate::apply::earlier::{Applied, Reported, Under, opened, outlasts};
+use crate::apply::places::Placed;
+use crate::apply::poses::short_way;
 use crate::apply::slopes::{Slopes, carried_slopes, platform_slopes};
 use crate::apply::unseen::Unseen;
 use crate::mechanism::Mechanism;
@@ -77,20 +85,10 @@ pub struct Checked {
     pub ratio: f64,
     /// Those degrees of freedom.
     pub dof: f64,
-}
-
-impl Checked {
-    /// How much larger errors are than predicted; no smaller.
-    fn size(&self) -> f64 {
-        self.ratio.max(1.0).sqrt()
-    }
-}
-
-impl Errors {
-    /// How much larger what is not noise is than predicted, by check points.
-    fn size(&self) -> f64 {
-        self.checked.map_or(1.0, |checked| checked.size())
-    }
+    /// Standard deviation of a coordinate that is predicted of them [length unit or rad].
+    pub sd: f64,
+    /// True where the motion of the instrument was taken out of their errors.
+    pub aligned: bool,
 }
 
 /// How the largest error is drawn.
@@ -110,7 +108,7 @@ pub struct Drawing {
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Share {
-    /// `parameters`, `between placements`, `noise`, `play` or `unseen`.
+    /// `parameters`, `between placements`, `noise`, `play`, `held shapes` or `unseen`.
     pub source: &'static str,
     /// The effect, of those that are unseen.
     pub effect: Option<String>,
@@ -136,6 +134,8 @@ pub struct Budget {
     pub median: f64,
     /// Noise and play alone make the largest error at least so large, with the same probability.
     pub least: f64,
+    /// How much larger what is not noise is than predicted, by check points: `s` of (146) at its best.
+    pub times: f64,
     /// Row of the place that is known least.
     pub row: usize,
     /// Number of places.
@@ -177,6 +177,7 @@ pub fn budget(
         expanded: quantile(&largest, drawing.confidence),
         median: quantile(&largest, 0.5),
         least: quantile(&by_noise, 1.0 - drawing.confidence),
+        times: places.times,
         row: places.all[row].row,
         places: places.all.len(),
         of_its_session: of_its_session(mechanism, applied)?,
@@ -205,6 +206,10 @@ struct Place {
     between: DMatrix<f64>,
     /// By the parameters of all unseen effects, one after the other.
     effects: DMatrix<f64>,
+    /// What the shapes of the result, and those of unseen effects, would change by going on: empty
+    /// where none is held.
+    held: Vec<f64>,
+    effects_held: DMatrix<f64>,
     /// By the noise of each channel, one standard deviation each.
     noise: DMatrix<f64>,
 }
@@ -214,6 +219,8 @@ struct Places {
     /// Names of the effects that are unseen, their probability and their mean with the root of their covariance.
     effects: Vec<Effect>,
     play: f64,
+    /// How much larger what is not noise is than predicted, by check points.
+    times: f64,
 }
 
 struct Effect {
@@ -226,6 +233,13 @@ struct Effect {
 }
 
 impl Effect {
+    /// Mean square of what it does, where places follow from the parameters of all effects so.
+    fn square(&self, by: &DMatrix<f64>) -> f64 {
+        let by = by.columns(self.first, self.mean.len());
+        let mean = by * DMatrix::from_column_slice(self.mean.len(), 1, &self.mean);
+        mean.norm_squared() + (by * &self.root).norm_squared()
+    }
+
     /// One draw of its parameters.
     fn drawn(&self, random: &mut Draws) -> Vec<f64> {
         let z: Vec<f64> = self.mean.iter().map(|_| random.normal()).collect();
@@ -256,11 +270,20 @@ impl Places {
         let acting =
             acting(mechanism, &errors.unseen, &table, applied.reference.temperature, posed)?;
         let build = if posed { Under::with_terms } else { Under::open_with_terms };
-        let under = build(mechanism, applied, table, &acting)?;
+        let mut under = build(mechanism, applied, table, &acting)?;
         let beta = under.internal(&under.values);
-        let slopes = match posed {
-            true => platform_slopes(&under.model, &under.readings, &beta, &under.noise, 1)?,
-            false => carried_slopes(&under.model, &under.readings, &beta)?,
+        let slopes = slopes_of(&under, &beta, posed)?;
+        let what = if posed { Placed::Platform } else { Placed::Carried };
+        let at = what.of_all(&under, &under.values);
+        let going_on = match under.beyond().contains(&true) {
+            true => {
+                under.hold_shapes(false);
+                let on = what.of_all(&under, &under.values);
+                let slopes = slopes_of(&under, &beta, posed)?;
+                under.hold_shapes(true);
+                Some((on, slopes))
+            }
+            false => None,
         };
         let map = reported_to_model(&under, &beta);
         let root = square_root(&DMatrix::from_row_slice(n, n, &errors.covariance));
@@ -305,30 +328,54 @@ impl Places {
         let by_change = DMatrix::from_fn(beta.len(), changing.len(), |i, k| {
             map[(i, changing[k])] * changes_by[changing[k]]
         });
-        let from = if quantity == Quantity::Orientation { 3 } else { 0 };
-        let of_row = |s: Slopes| {
-            let count = if posed { 1 } else { s.by_parameter.nrows() / 3 };
-            let (by_root, by_change, changes) = (&by_root, &by_change, &changes);
-            (0..count)
-                .map(move |p| {
-                    let at = from + 3 * p;
-                    let slopes = s.by_parameter.rows(at, 3);
-                    let mut noise = s.by_reading.rows(at, 3).into_owned();
-                    for (c, sigma) in applied.sigma.iter().enumerate() {
-                        noise.column_mut(c).scale_mut(*sigma);
+        let angles = quantity == Quantity::Orientation;
+        let from = if angles { 3 } else { 0 };
+        let width = at.len() / under.readings.samples.max(1);
+        let (mut all, mut positions) = (Vec::new(), Vec::new());
+        for (k, s) in slopes.iter().enumerate() {
+            let here = &at[s.row * width..(s.row + 1) * width];
+            for first in (from..if posed { from + 3 } else { width }).step_by(3) {
+                let slopes = s.by_parameter.rows(first, 3);
+                let mut noise = s.by_reading.rows(first, 3).into_owned();
+                for (c, sigma) in applied.sigma.iter().enumerate() {
+                    noise.column_mut(c).scale_mut(*sigma);
+                }
+                let (held, effects_held) = match &going_on {
+                    Some((on, on_slopes)) => {
+                        let of = |i: usize| {
+                            let apart = on[s.row * width + i] - here[i];
+                            if angles { short_way(apart) } else { apart }
+                        };
+                        let more = on_slopes[k].by_parameter.rows(first, 3) - slopes;
+                        ((first..first + 3).map(of).collect(), more * &changes)
                     }
-                    let (parameters, effects) = (slopes * by_root, slopes * changes);
-                    let between = slopes * by_change;
-                    Place { row: s.row, parameters, between, effects, noise }
-                })
-                .collect::<Vec<_>>()
-        };
-        let all: Vec<Place> = slopes.into_iter().flat_map(of_row).collect();
+                    None => (Vec::new(), DMatrix::zeros(3, 0)),
+                };
+                let (parameters, effects) = (slopes * &by_root, slopes * &changes);
+                let between = slopes * &by_change;
+                positions.push(Vector3::from_row_slice(&here[first - from..first - from + 3]));
+                all.push(Place {
+                    row: s.row,
+                    parameters,
+                    between,
+                    effects,
+                    held,
+                    effects_held,
+                    noise,
+                });
+            }
+        }
         if all.is_empty() {
             return Err(Error::Empty("no place is left to be certain of".into()));
         }
         let play = if quantity == Quantity::Position { errors.play } else { 0.0 };
-        Ok(Self { all, effects, play })
+        let times = errors.checked.map_or(1.0, |checked| {
+            let aligned = checked.aligned && !angles;
+            let unseen = mean_square(&effects, &all, if aligned { &positions } else { &[] });
+            let named = checked.sd * checked.sd;
+            (checked.ratio * named / (named + unseen)).max(1.0).sqrt()
+        });
+        Ok(Self { all, effects, play, times })
     }
 
     /// The place that is known least, and what its uncertainty is made of.
@@ -343,7 +390,7 @@ impl Places {
 
     fn shares(&self, place: &Place, errors: &Errors) -> Vec<Share> {
         let dof = Some(errors.dof).filter(|dof| dof.is_finite());
-        let (by_check, times) = (errors.checked.map(|c| c.dof), errors.size());
+        let (by_check, times) = (errors.checked.map(|c| c.dof), self.times);
         let share = |source, u: f64, dof| Share { source, effect: None, u, dof };
         let mut shares = vec![
             share("parameters", times * place.parameters.norm(), by_check.or(dof)),
@@ -355,10 +402,16 @@ impl Places {
         if self.play > 0.0 {
             shares.push(share("play", self.play * 3.0_f64.sqrt(), None));
         }
+        let held = place.held.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if held > 0.0 {
+            shares.push(share("held shapes", times * held, by_check));
+        }
         let of_effect = |effect: &Effect| {
-            let by = place.effects.columns(effect.first, effect.mean.len());
-            let mean = by * DMatrix::from_column_slice(effect.mean.len(), 1, &effect.mean);
-            let square = mean.norm_squared() + (by * &effect.root).norm_squared();
+            let square: f64 = [&place.effects, &place.effects_held]
+                .into_iter()
+                .filter(|by| by.ncols() > 0)
+                .map(|by| effect.square(by))
+                .sum();
             let u = times * (effect.probability * square).sqrt();
             Share { source: "unseen", effect: Some(effect.name.clone()), u, dof: by_check }
         };
@@ -388,7 +441,7 @@ impl Places {
         let Some(first) = self.all.first() else { return (0.0, 0.0) };
         // Noise that is estimated is itself uncertain: Student's distribution.
         let scale = random.student_scale(errors.dof);
-        let by_check = errors.checked.map_or(1.0, |c| c.size() * random.student_scale(c.dof));
+        let by_check = errors.checked.map_or(1.0, |c| self.times * random.student_scale(c.dof));
         let common: Vec<f64> =
             (0..first.parameters.ncols()).map(|_| by_check * scale * random.normal()).collect();
         let shift: Vec<f64> =
@@ -397,6 +450,7 @@ impl Places {
             let drawn = effect.drawn(random);
             (effect.first, drawn.into_iter().map(|h| by_check * h).collect::<Vec<f64>>())
         });
+        let on = if first.held.is_empty() { 0.0 } else { random.normal() };
         let mut reading: Vec<f64> = Vec::new();
         let (mut row, mut largest, mut by_noise) = (usize::MAX, 0.0_f64, 0.0_f64);
         for place in &self.all {
@@ -414,7 +468,12 @@ impl Places {
                     new += self.play * random.normal();
                 }
                 let named = sum(&place.parameters, 0, &common) + sum(&place.between, 0, &shift);
-                let unseen = effect.as_ref().map_or(0.0, |(at, h)| sum(&place.effects, *at, h));
+                let mut unseen = effect.as_ref().map_or(0.0, |(at, h)| sum(&place.effects, *at, h));
+                if let Some(held) = place.held.get(i) {
+                    let other =
+                        effect.as_ref().map_or(0.0, |(at, h)| sum(&place.effects_held, *at, h));
+                    unseen += on * (by_check * held + other);
+                }
                 square += (new + named + unseen).powi(2);
                 noise += new * new;
             }
@@ -432,6 +491,29 @@ impl Places {
             left < 0.0
         })
     }
+}
+
+/// Derivatives of a pose, or of the points that chains carry.
+fn slopes_of(under: &Under, beta: &[f64], posed: bool) -> Result<Vec<Slopes>, Error> {
+    match posed {
+        true => platform_slopes(&under.model, &under.readings, beta, &under.noise, 1),
+        false => carried_slopes(&under.model, &under.readings, beta),
+    }
+}
+
+/// Mean square of a coordinate by unseen effects, what a motion of all places takes up left out.
+fn mean_square(effects: &[Effect], all: &[Place], moved: &[Vector3<f64>]) -> f64 {
+    let width = all.first().map_or(0, |place| place.effects.ncols());
+    let mut by = DMatrix::zeros(3 * all.len(), width);
+    for (k, place) in all.iter().enumerate() {
+        by.rows_mut(3 * k, 3).copy_from(&place.effects);
+    }
+    if !moved.is_empty() {
+        let motions = rigid_motions(moved);
+        by -= &motions * (motions.transpose() * &by);
+    }
+    let sum: f64 = effects.iter().map(|effect| effect.probability * effect.square(&by)).sum();
+    sum / (3 * all.len()) as f64
 }
 
 /// Unseen effects that act on these readings as well, beside a session whose mean temperature was `warmth`:

@@ -9,7 +9,8 @@ use crate::model::Model;
 #[cfg(feature = "serde")]
 use crate::numerics::nullable;
 
-/// What an effect does to the platform pose: root mean square over components.
+/// What an effect does to the platform pose, or, without a platform, to the points that chains carry, after
+/// the best rigid motion: root mean square over components.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename = "Rms"))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
@@ -18,10 +19,18 @@ pub struct PlatformRms {
     #[cfg_attr(feature = "serde", serde(default = "nullable::unknown", with = "nullable"))]
     #[cfg_attr(feature = "document", schemars(!default, with = "Option<f64>"))]
     pub position: f64,
-    /// Orientation, in radians.
+    /// Orientation, in radians; null of points.
     #[cfg_attr(feature = "serde", serde(default = "nullable::unknown", with = "nullable"))]
     #[cfg_attr(feature = "document", schemars(!default, with = "Option<f64>"))]
     pub orientation: f64,
+}
+
+impl PlatformRms {
+    /// Of points: they have no orientation.
+    #[must_use]
+    pub fn of_points(position: f64) -> Self {
+        Self { position, orientation: f64::NAN }
+    }
 }
 
 /// Blocks of a long recording in which the platform is looked at.
@@ -92,11 +101,15 @@ pub fn platform_difference(observations: &Observations, a: &Fit, b: &Fit) -> Opt
 }
 
 /// How far apart two fits of a session put the platform, or, without one, the points that chains
-/// carry after the best rigid motion: root mean square by component [length unit].
+/// carry after the best rigid motion: root mean square by component [length unit]. Where points are
+/// somewhere else in each pose, those that chains carry are not what is used: none.
 #[must_use]
 pub fn apart(observations: &Observations, a: &Fit, b: &Fit) -> Option<f64> {
     if let Some(difference) = platform_difference(observations, a, b) {
         return Some(difference.position);
+    }
+    if a.model.pose_unknowns() > 0 {
+        return None;
     }
     let points = |fit: &Fit| carried_points(observations, fit, observations.readings.table.clone());
     let (a, b) = (points(a).ok()?, points(b).ok()?);
@@ -105,7 +118,7 @@ pub fn apart(observations: &Observations, a: &Fit, b: &Fit) -> Option<f64> {
     let rows = (0..observations.readings.samples).filter(counts);
     let of_row = |row: usize| a.iter().zip(&b).map(move |(a, b)| (at(a[row]), at(b[row])));
     let pairs: Vec<_> = rows.flat_map(of_row).collect();
-    Some(error_of(&pairs, true).position_rms)
+    (!pairs.is_empty()).then(|| error_of(&pairs, true).position_rms)
 }
 
 /// Between two sets of poses with their rows; rows that are left out do not count.

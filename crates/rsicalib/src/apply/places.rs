@@ -93,7 +93,7 @@ pub(crate) enum Placed {
 
 impl Placed {
     /// The places of all rows where the result has these values, row by row.
-    fn of_all(self, under: &Under, values: &[f64]) -> Vec<f64> {
+    pub(crate) fn of_all(self, under: &Under, values: &[f64]) -> Vec<f64> {
         let points = match self {
             Self::Platform => return under.poses(values).concat(),
             Self::Carried => under.points(values),

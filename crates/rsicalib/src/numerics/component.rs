@@ -7,7 +7,12 @@
 //! -2 ln L = ν ln φ + (χ² - R)/φ + Σ ln(1 + λ c),    R = Σ λ w²/(1 + λ c),    φ = (χ² - R)/ν   (131)
 //! ```
 //!
-//! for effects `N(0, τ²)` and noise of the variance `φ`, of at least what is known of it.
+//! for effects `N(0, τ²)` and noise of the variance `φ`, of at least what is known of it. Beforehand a
+//! `τ` is as likely as what tells of it there is:
+//!
+//! ```text
+//! p(√λ) ∝ √λ (Σ c²/(1 + λ c)²)^½                                             (171)
+//! ```
 
 use faer::MatRef;
 
@@ -23,9 +28,9 @@ pub struct Component {
     pub interval: [f64; 2],
     /// Probability by chance of so much, were there none.
     pub p_value: f64,
-    /// Variance of the normal distribution that has the 95 % interval of one more effect, any `sd` below
-    /// 1 being as likely beforehand: few groups do not show that there is none. Of `k` equal contrasts
-    /// that is Student's interval by `k - 1` degrees of freedom.
+    /// Variance of the normal distribution that has the 95 % interval of one more effect, an `sd` below 1
+    /// being as likely beforehand as (171) has it: few groups do not show that there is none. Of `k`
+    /// equal contrasts that is Student's interval by `k` degrees of freedom.
     pub variance: f64,
     /// Variance of the noise beside it.
     pub noise: f64,
@@ -81,6 +86,12 @@ impl Contrasts {
         self.pairs.iter().map(|[c, _]| (lambda * c).ln_1p()).sum()
     }
 
+    /// (171): how likely a ratio of standard deviations is beforehand, by Jeffreys' rule.
+    fn beforehand(&self, ratio: f64) -> f64 {
+        let told = self.pairs.iter().map(|[c, _]| (c / (1.0 + ratio * ratio * c)).powi(2));
+        ratio * told.sum::<f64>().sqrt()
+    }
+
     /// Ratios of standard deviations that are tried, each with the width that it stands for; none where
     /// even effects of their typical sizes would not be seen.
     fn ratios(&self) -> Option<Vec<[f64; 2]>> {
@@ -97,13 +108,13 @@ impl Contrasts {
 
     /// The component; none where even effects of their typical sizes would not be seen.
     pub(crate) fn component(&self) -> Option<Component> {
-        // Ratio, its `-2 ln L` and `φ`, and the width of standard deviations that it stands for.
+        // Standard deviation, its `-2 ln L` and `φ`, and how likely it and its neighbours are beforehand.
         let tried: Vec<[f64; 4]> = self
             .ratios()?
             .into_iter()
             .map(|[ratio, width]| {
                 let [cost, noise] = self.at(ratio * ratio);
-                [ratio * noise.sqrt(), cost, noise, width * noise.sqrt()]
+                [ratio * noise.sqrt(), cost, noise, width * self.beforehand(ratio)]
             })
             .collect();
         let best = tried.iter().copied().min_by(|a, b| a[1].total_cmp(&b[1]))?;
@@ -202,14 +213,13 @@ mod tests {
     fn one_more_effect_has_students_interval() {
         // Equal contrasts, exact but for little noise: the root mean square of effects is s.
         let s: f64 = 1e-3;
-        for (k, student) in [(3, 4.302_65), (4, 3.182_45), (8, 2.364_62), (20, 2.093_02)] {
+        for (k, student) in [(3, 3.182_45), (4, 2.776_45), (8, 2.306_00), (20, 2.085_96)] {
             let pairs = vec![[1e12, (1e12 * s).powi(2)]; k];
             let chi2 = 1e6 + k as f64 * 1e12 * s * s;
             let told = Contrasts { pairs, chi2, dof: 1e6, least: 1.0 };
             let found = told.component().expect("seen");
-            let sd = s * (k as f64 / (k - 1) as f64).sqrt();
             let interval = found.variance.sqrt() * WITHIN.sqrt();
-            assert!((interval / (student * sd) - 1.0).abs() < 0.03, "{k}: {interval}");
+            assert!((interval / (student * s) - 1.0).abs() < 0.03, "{k}: {interval}");
         }
     }
 }

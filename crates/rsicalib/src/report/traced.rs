@@ -1,7 +1,7 @@
 //! What a trace says, in the shape of the JSON.
 
 use crate::Error;
-use crate::apply::change::{PlatformRms, platform_difference};
+use crate::apply::change::{PlatformRms, apart, platform_difference};
 use crate::diagnosis::curve::curve;
 use crate::diagnosis::curve_law::{CurveLaw, curve_law};
 use crate::diagnosis::detectability::{Detectability, could_hide};
@@ -617,8 +617,11 @@ fn step(
     let unknown = traced.unknown.iter().filter(|law| law.ties());
     let unknown = unknown.filter(|law| law.replaces.contains(&found.instance));
     let unknown = unknown.map(|law| no_term(&traced.small, UNKNOWN_LAW, law.target));
-    // What it does to the platform: the search's fit with it against the one without.
-    let platform_rms = platform_difference(&traced.small, &found.without, &traced.last);
+    // What it does to the platform, or to what the chains carry: the search's fit with it against the
+    // one without.
+    let (small, without, last) = (&traced.small, &found.without, &traced.last);
+    let of_points = || apart(small, without, last).map(PlatformRms::of_points);
+    let platform_rms = platform_difference(small, without, last).or_else(of_points);
     // Held out with this effect and those found before it.
     let asked = small_before.model.instances.iter().copied();
     let base = asked.filter(|i| !traced.offsets.contains(i));
