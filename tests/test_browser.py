@@ -567,7 +567,7 @@ def test_the_page_of_the_paper_has_every_table_and_every_misprint(tmp_path: Path
     (cells, heights), errors = look(page, probe, tmp_path)
     assert errors == []
     assert cells == [
-        *("1", "2 (1)", "0.5 ± 0.1 (0.5)"),
+        *("1", "2 (1)", "0.5 ±\u00a00.1 (0.5)"),
         *(WRONG, "1 (50)", ""),
         *("eq. (4)", "-", "+", WRONG),
     ]

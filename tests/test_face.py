@@ -299,6 +299,37 @@ def test_data_frames_of_polars_come_back_as_such(calibration: Calibration) -> No
     assert isinstance(found, polars.DataFrame) and found["device"].to_list() == ["a", "b"]
 
 
+@pytest.mark.parametrize("library", ["pandas", "polars", "pyarrow"])
+def test_a_data_frame_in_is_a_data_frame_out(library: str, calibration: Calibration) -> None:
+    """Row by row what a file gives; an index stays, and poses go back by name, not by place."""
+    module = pytest.importorskip(library)
+    rows = pandas.read_csv(READINGS)
+    if library == "pandas":
+        given = rows.set_index("pose")
+    else:
+        given = module.Table.from_pandas(rows) if library == "pyarrow" else module.DataFrame(rows)
+    of_file = {
+        rsicalib.forward: rsicalib.forward(READINGS, "rsi", calibration),
+        rsicalib.forward_sd: rsicalib.forward_sd(READINGS, "rsi", calibration),
+    }
+    for verb, expected in of_file.items():
+        found = verb(given, "rsi", calibration)
+        assert type(found) is type(given)
+        own = found if library == "pandas" else found.to_pandas()
+        assert list(own.columns) == ["x", "y", "z", "rx", "ry", "rz"]
+        np.testing.assert_array_equal(own.to_numpy(), expected)
+        if library == "pandas":
+            assert own.index.equals(given.index)
+    if library == "pandas":
+        poses = rsicalib.forward(given, "rsi", calibration).reset_index()
+        back = rsicalib.inverse(poses[["rz", "pose", "y", "x", "rx", "ry", "z"]])
+        assert list(back.columns) == [channel.name for channel in Mechanism.rsi().channels]
+        expected = rsicalib.inverse(of_file[rsicalib.forward])
+        np.testing.assert_array_equal(back.to_numpy(), expected)
+        with pytest.raises(InputError, match="no column y rz"):
+            rsicalib.inverse(poses[["x", "z", "rx", "ry", "pose"]])
+
+
 def test_two_calibrations_of_the_same_readings_are_equal(calibration: Calibration) -> None:
     again = rsicalib.calibrate(READINGS, rest=REST)
     assert again == calibration == pickle.loads(pickle.dumps(calibration))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from pathlib import Path
@@ -11,11 +12,13 @@ import numpy as np
 import pytest
 
 import rsicalib
+from rsicalib import _core
 from rsicalib.fleets.map import MOST_DEVICES, map_figure
 from rsicalib.fleets.page import page
 from rsicalib.fleets.standing_out import remarks, spreads
 from rsicalib.report.figure import STYLE
 from rsicalib.report.svg import NARROW, WIDE
+from tests.test_families import clean
 
 COUNT = 100
 NAMES = ("offset@a11", "gain@a11")
@@ -53,7 +56,9 @@ def test_the_map_has_the_farthest_devices_with_their_distances() -> None:
         expected = [
             (f"no. {d}", name, f"{far[d, k]:+.1f}") for d in order for k, name in enumerate(NAMES)
         ]
-        assert said == expected
+        # On a desk devices stand side by side, row by row of a parameter.
+        across = [expected[k :: len(NAMES)] for k in range(len(NAMES))]
+        assert said == (expected if width == NARROW else list(itertools.chain(*across)))
         assert figure.draw(width).count('class="above3"') == 1 + 1  # and in the scale
     assert f"{COUNT - MOST_DEVICES} more are nearer" in figure.caption
 
@@ -131,3 +136,17 @@ def test_numbers_of_a_fleet_have_units() -> None:
     table = html[html.index("<h2>Parameters over the fleet</h2>") :]
     cells = dict(re.findall(r"<tr><td>([a-z]+@a\d\d)[^[]*\[(.*?)\]", table))
     assert cells == {name: units[name] for name in NAMES}
+
+
+def test_every_parameter_has_its_unit_by_the_name_of_its_column() -> None:
+    """Places, targets of several, coordinates of unknown things; witness: what results write."""
+    rsi = rsicalib.load_mechanism("rsi")
+    terms = ["offset", "gain", "curvature@each.2", "once_per_turn@a12", "crosstalk@a22:a21"]
+    made = rsicalib.simulate(seed=1).readings
+    found = rsicalib.calibrate(made, terms=[*terms, "link_length@arm1/2", "gain@each.1"])
+    _, _, sockets, readings = clean("sockets")
+    for mechanism, one in ((rsi, found), (sockets, rsicalib.calibrate(readings, sockets))):
+        units = {p.key: p.unit for p in one.parameters}
+        assert {key: _core.unit_of_key(mechanism, key) for key in units} == units
+    assert _core.unit_of_key(rsi, "slip@a22") is None  # its name is not said
+    assert _core.unit_of_key(rsi, "gain@a77") is None

@@ -26,6 +26,7 @@ from rsicalib.report.checks import noise_figure
 from rsicalib.report.figure import Figure
 from rsicalib.report.mechanism import scene_of
 from rsicalib.report.residuals import residual_figure
+from rsicalib.report.svg import SIZE, width_of
 from rsicalib.report.words import (
     count_words,
     noise_words,
@@ -419,7 +420,8 @@ def test_the_target_is_a_line_between_what_reaches_it_and_what_does_not(traced: 
             expected += int((within[first] != within[second]).sum())
     assert len(lines) == expected > 0
     share = 100.0 * sum(v <= target for v in values) / len(values)
-    assert f"{share:.0f} % of what is drawn" in traced.report(target=target)
+    said = re.sub(r"<[^>]+>", "", traced.report(target=target))
+    assert f"{share:.0f} % of what is drawn" in said
     assert "contour" not in traced.figures()["workspace"].partition("</style>")[2]
 
 
@@ -739,3 +741,16 @@ def test_effects_of_several_sensors_are_said_of_all_of_them(traced: Trace) -> No
     tied = dataclasses.replace(traced, steps=(dataclasses.replace(pair, also_fits=(twin,)),))
     assert "cannot tell it from offset of sensors a21 and a22" in tied.report()
     assert "It is certain" not in tied.report()
+
+
+def test_letters_are_as_wide_as_in_the_font_that_they_are_measured_in() -> None:
+    """Witness: the font itself, which comes with matplotlib."""
+    fonts = pytest.importorskip("fontTools.ttLib")
+    folder = Path(pytest.importorskip("matplotlib").get_data_path()) / "fonts" / "ttf"
+    for name, bold in (("DejaVuSans.ttf", False), ("DejaVuSans-Bold.ttf", True)):
+        font = fonts.TTFont(folder / name)
+        glyphs, wide = font.getBestCmap(), font["hmtx"]
+        for letter in (*map(chr, range(32, 127)), *"±·²µσχ×°–—…"):
+            true = wide[glyphs[ord(letter)]][0] / font["head"].unitsPerEm
+            # Rounded up to steps of 0.05.
+            assert true - 1e-9 <= width_of(letter, bold=bold) / SIZE < true + 0.05, letter

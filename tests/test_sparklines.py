@@ -42,4 +42,4 @@ def test_a_row_has_its_distances_and_an_event_its_line() -> None:
     middle = {"a11": np.median(still), "a12": np.median(moved)}
     assert said == [(at, f"{(v - middle[at]) / 0.001:+.1f}") for at, v in expected]
     assert wide[1].count('class="law jump"') == 1
-    assert "new &lt;pot&gt;" in wide[1] and "<pot>" not in page
+    assert ">new &lt;pot&gt;</text>" in wide[1] and "<pot>" not in page

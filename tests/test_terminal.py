@@ -63,6 +63,17 @@ def test_text_follows_the_width_of_the_terminal_without_a_broken_word(width: int
         assert words <= wide | set("… and more lines in the report".split())
 
 
+@pytest.mark.parametrize("width", [60, 80])
+def test_a_narrow_terminal_is_told_what_a_wide_one_is(width: int) -> None:
+    """Rows of check poses were "5 more lines in the report", sentences ended within."""
+    whole = rsicalib.load_readings(READINGS)
+    some = whole.select((whole.pose < 25) & (whole.sample < 4))
+    for found in (rsicalib.demo(), rsicalib.trace(some, rest=REST)):
+        told = found.summary(width=width)
+        assert {*found.summary(width=100).split()} <= {*told.split()}
+        assert not re.search(r"\bp [=<]?$|χ²$|±$", told, flags=re.M)
+
+
 @pytest.mark.parametrize("width", [50, 60, 80])
 def test_every_row_of_a_narrow_table_has_its_numbers_beside_its_name(width: int) -> None:
     found = rsicalib.calibrate(READINGS, rest=REST, check=CHECK)
@@ -93,7 +104,8 @@ def test_the_command_prints_no_more_with_the_path_of_its_report(
     said, warned = capsys.readouterr()
     assert (done.value.code, warned) == (0, "")
     lines = said.splitlines()
-    assert len(lines) <= 25 and lines[-1] == str(tmp_path / "demo" / "report.html")
+    # A terminal that does not tell has 80 columns; the story is 25 lines of 100.
+    assert len(lines) <= 25 * 100 / 80 and lines[-1] == str(tmp_path / "demo" / "report.html")
 
 
 def test_a_pipe_is_never_cut(capsys: pytest.CaptureFixture[str]) -> None:

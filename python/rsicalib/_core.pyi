@@ -692,6 +692,11 @@ def summed(devices: Array) -> dict[str, Any] | None:
 def terms(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Every term there is, with its targets in a mechanism."""
 
+def unit_of_key(mechanism: Mechanism, key: Any) -> Any:
+    """The unit of a parameter that a column is called after, as `gain@a11`; None where it has none, or
+    several.
+    """
+
 def units_of(mechanism: Mechanism, named: Sequence[tuple[Spec, str]]) -> list[list[str]]:
     """The units that each parameter of a result may have, of ((term, target, place), name); empty where
     any will do.

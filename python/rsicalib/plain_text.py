@@ -14,6 +14,9 @@ __all__ = ["counted", "encodable", "meant", "printable", "quoted", "shortened", 
 LINE = 40
 """Longer values are cut in messages."""
 
+KEPT = re.compile(r" (?=±)|(?<=±) |(?<=\bp) (?=[=<] [\d.])|(?<=\bp [=<]) (?=[\d.])|(?<=χ²) (?=\d)")
+"""Blanks that stay within a line."""
+
 ESCAPED = ("utf-8", "backslashreplace")
 
 WORD = 160
@@ -101,15 +104,16 @@ def shortened(message: str) -> str:
 
 
 def wrapped(text: str, width: int, **how: Any) -> list[str]:
-    """Text in lines of so many columns, as `textwrap.wrap`; no line ends beside a ±.
+    """Text in lines of so many columns, as `textwrap.wrap`; no line ends within a value and its
+    bound, or within a probability.
 
     Examples
     --------
     >>> wrapped("an offset of 0.3 ± 0.1 rad", 18)
     ['an offset of', '0.3 ± 0.1 rad']
     """
-    lines = textwrap.wrap(text.replace(" ± ", "\u00a0±\u00a0"), width, **how)
-    return [line.replace("\u00a0±\u00a0", " ± ") for line in lines]
+    lines = textwrap.wrap(KEPT.sub("\u00a0", text), width, **how)
+    return [line.replace("\u00a0", " ") for line in lines]
 
 
 def _written(character: str) -> str:

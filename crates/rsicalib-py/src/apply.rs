@@ -191,6 +191,13 @@ pub fn units_of(
     named.into_iter().map(own).collect()
 }
 
+/// The unit of a parameter that a column is called after, as `gain@a11`; None where it has none, or
+/// several.
+#[pyfunction]
+pub fn unit_of_key(mechanism: &PyMechanism, key: &str) -> Option<String> {
+    earlier::unit_of_key(&mechanism.0, key)
+}
+
 /// A term at its place, as it is asked for: `curvature@a22`, `slip@a22:17`.
 #[pyfunction]
 #[pyo3(signature = (term, target=None, place=None))]

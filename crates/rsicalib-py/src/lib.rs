@@ -80,6 +80,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(apply::lasting, module)?)?;
     module.add_function(wrap_pyfunction!(apply::spec, module)?)?;
     module.add_function(wrap_pyfunction!(apply::compared, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::unit_of_key, module)?)?;
     module.add_function(wrap_pyfunction!(apply::units_of, module)?)?;
     module.add_function(wrap_pyfunction!(apply::fixture, module)?)?;
     module.add_function(wrap_pyfunction!(apply::judged_open_loop, module)?)?;

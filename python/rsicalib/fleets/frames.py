@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray
-from rsicalib.io.frames import Cells, Columns
+from rsicalib.io.frames import Cells, Columns, frame_of
 
 __all__ = [
     "TEXT",
@@ -48,11 +48,7 @@ def frame_like(frame: Frame, rows: Mapping[str, Sequence[Any]], label: str) -> F
             made[name] = np.array(cells, dtype=kind)
         else:
             made[name] = np.array(cells, dtype=object if name in TEXT else np.float64)
-    if isinstance(frame, Mapping):
-        return made
-    if hasattr(frame, "schema") and hasattr(frame, "num_rows"):
-        return type(frame).from_pydict(made)
-    return type(frame)(made)
+    return frame_of(frame, made)
 
 
 Runs: TypeAlias = list[slice]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.fleets.standing_out import Spread
 from rsicalib.report.figure import Figure
-from rsicalib.report.svg import WIDE, Canvas
+from rsicalib.report.svg import WIDE, Canvas, fitted, width_of
 
 __all__ = ["MOST_DEVICES", "map_figure"]
 
@@ -40,28 +41,11 @@ def map_figure(
     far: FloatArray = np.array([one.distances(rows)[0][order] for one in spread]).T
 
     def draw(width: float) -> str:
-        left = 110.0 if width == WIDE else 74.0
-        letters = int((left - 8.0) / 6.9)
-        wide = (width - left - 4.0) / len(spread)
-        canvas = Canvas(width, HEAD + ROW * len(order) + 34.0)
-        step = max(1, math.ceil(11.0 / wide))
-        for k, one in enumerate(spread[::step]):
-            x = left + wide * (k * step + 0.5)
-            canvas.parts.append(
-                f'<g transform="rotate(-90 {x:.1f} {HEAD - 6:.1f})">'
-                f"{_text(x, HEAD - 2.0, one.name)}</g>"
-            )
-        for r, name in enumerate(names):
-            y = HEAD + ROW * r
-            canvas.text(left - 6.0, y + 10.0, name[:letters], anchor="end")
-            for k, one in enumerate(spread):
-                sd = float(far[r, k])
-                said = f"{name}, {one.name}: "
-                said += f"{sd:+.1f} sd" if math.isfinite(sd) else "not known"
-                kind = _kind(sd)
-                canvas.rect(left + wide * k, y, wide - 0.5, ROW - 0.5, kind, said)
-        _scale(canvas, left)
-        return canvas.svg("devices by parameters, in standard deviations from the median")
+        parameters = [one.name for one in spread]
+        # On a desk what there is more of goes along the longer side.
+        across = width == WIDE and len(names) > len(parameters)
+        rows, columns = (parameters, names) if across else (names, parameters)
+        return _drawn(width, rows, columns, far.T if across else far, across=across)
 
     caption = (
         "Each cell is a parameter of a device: how far it is from the median of the fleet, in "
@@ -73,10 +57,31 @@ def map_figure(
     return Figure("map", draw, caption)
 
 
-def _text(x: float, y: float, words: str) -> str:
-    part = Canvas(HEAD, HEAD)
-    part.text(0.0, 0.0, words[:13])
-    return f'<g transform="translate({x:.1f} {y:.1f})">{part.parts[0]}</g>'
+def _drawn(
+    width: float, rows: Sequence[str], columns: Sequence[str], far: FloatArray, *, across: bool
+) -> str:
+    """A cell for each of `far`, shape (rows, columns); `across`: devices are columns."""
+    left = min(max(map(width_of, rows)) + 10.0, 0.4 * width)
+    head = min(max(map(width_of, columns)) + 12.0, HEAD)
+    wide = (width - left - 4.0) / len(columns)
+    canvas = Canvas(width, head + ROW * len(rows) + 34.0)
+    step = max(1, math.ceil(11.0 / wide))
+    for k, name in enumerate(columns[::step]):
+        x, shown = left + wide * (k * step + 0.5) + 4.0, fitted(name, head - 8.0)
+        canvas.parts.append(
+            f'<text class="tick" transform="translate({x:.1f} {head - 6:.1f}) rotate(-90)">'
+            f"{escape(shown)}</text>"
+        )
+    for r, row in enumerate(rows):
+        y = head + ROW * r
+        canvas.text(left - 6.0, y + 10.0, fitted(row, left - 8.0), anchor="end")
+        for k, column in enumerate(columns):
+            sd = float(far[r, k])
+            said = f"{column}, {row}: " if across else f"{row}, {column}: "
+            said += f"{sd:+.1f} sd" if math.isfinite(sd) else "not known"
+            canvas.rect(left + wide * k, y, wide - 0.5, ROW - 0.5, _kind(sd), said)
+    _scale(canvas, left)
+    return canvas.svg("devices by parameters, in standard deviations from the median")
 
 
 def _kind(sd: float) -> str:

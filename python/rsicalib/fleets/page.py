@@ -246,15 +246,7 @@ def _fits(rows: Mapping[str, Sequence[Any]]) -> Figure | None:
 
 def _with_unit(parameter: str, mechanism: Mechanism) -> str:
     """A parameter and its unit, where there is one: `gain@a11 [rad/count]`."""
-    term, _, target = parameter.partition("@")
-    of, _, name = target.rpartition(".")
-    for place, own in ((target, term), (of, name)):
-        try:
-            (units,) = _core.units_of(mechanism, [((term, place, None), own)])
-        except ValueError:  # it has no such parameter
-            continue
-        return axis_words(parameter, units[0]) if len(set(units)) == 1 else parameter
-    return parameter
+    return axis_words(parameter, _core.unit_of_key(mechanism, parameter))
 
 
 def _differ(shifts: Sequence[Mapping[str, Any]], mechanism: Mechanism) -> str:

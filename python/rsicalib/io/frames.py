@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -13,12 +13,17 @@ from rsicalib.errors import InputError, InputTypeError
 from rsicalib.io.tables import Table, table_of_arrays
 
 __all__ = [
+    "SOURCE",
+    "ArraysArg",
     "Cells",
     "Columns",
+    "FrameArg",
     "TableArg",
     "as_table",
     "columns_of",
+    "frame_of",
     "in_memory",
+    "is_frame",
     "table_in_memory",
 ]
 
@@ -45,15 +50,24 @@ class Interchange(Protocol):
         """The frame, for other libraries."""
 
 
-TableArg: TypeAlias = ArrowStream | Interchange | Mapping[str, npt.ArrayLike] | npt.NDArray[Any]
+FrameArg: TypeAlias = ArrowStream | Interchange
+"""A data frame of a library."""
+
+ArraysArg: TypeAlias = Mapping[str, npt.ArrayLike] | npt.NDArray[Any]
+"""A table that no library made."""
+
+TableArg: TypeAlias = FrameArg | ArraysArg
 """One table in memory."""
+
+
+def is_frame(given: object) -> TypeGuard[FrameArg]:
+    """Whether this is a data frame of a library."""
+    return any(hasattr(given, name) for name in ("__arrow_c_stream__", "__dataframe__"))
 
 
 def in_memory(given: object) -> bool:
     """Whether this is one table: a data frame, an array, or a dictionary of columns."""
-    if isinstance(given, np.ndarray | Mapping):
-        return True
-    return any(hasattr(given, name) for name in ("__arrow_c_stream__", "__dataframe__"))
+    return isinstance(given, np.ndarray | Mapping) or is_frame(given)
 
 
 def as_table(given: Any) -> Any:
@@ -172,6 +186,15 @@ def columns_of(frame: Any) -> Columns:
         sizes = ", ".join(f"{name}: {len(column)}" for name, column in columns.items())
         raise InputError(f"found columns of different lengths ({sizes}), expected one length")
     return columns
+
+
+def frame_of(like: Any, columns: Mapping[str, Cells]) -> Any:
+    """Columns as a table of the kind of `like`: of pandas, Polars or pyarrow, or a mapping."""
+    if isinstance(like, Mapping):
+        return dict(columns)
+    if hasattr(like, "schema") and hasattr(like, "num_rows"):  # pyarrow
+        return type(like).from_pydict(columns)
+    return type(like)(columns)
 
 
 def _with_index(frame: Any) -> Any:

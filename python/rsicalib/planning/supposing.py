@@ -68,7 +68,7 @@ class SupposedEffect(Record):
     def words(self) -> str:
         """The effect and its sizes."""
         sizes = [
-            f"{p.name} = {with_unit(f'{p.value:g}', p.unit)}" for p in self.parameters if p.value
+            f"{p.name} = {with_unit(f'{p.value:.3g}', p.unit)}" for p in self.parameters if p.value
         ]
         return f"{name_of(self.term)} of {self.target}: {', '.join(sizes) or 'nothing'}"
 

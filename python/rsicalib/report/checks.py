@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rsicalib.facts.shapes import Noise, Reliability, ResultShape
 from rsicalib.report.figure import Figure
-from rsicalib.report.svg import WIDE, Canvas
+from rsicalib.report.svg import WIDE, Canvas, fitted, width_of
 from rsicalib.report.words import listed_words, number
 from rsicalib.units import with_unit
 
@@ -25,7 +25,7 @@ def noise_figure(noise: Noise) -> Figure:
         canvas = Canvas(width, 20.0 * len(names) + 8.0)
         for k, name in enumerate(names):
             y, sigma, unit = 4.0 + 20.0 * k, noise.sigma[name], noise.unit.get(name, "")
-            canvas.text(left - 6.0, y + 12.0, name[:12], anchor="end")
+            canvas.text(left - 6.0, y + 12.0, fitted(name, left - 8.0), anchor="end")
             long = room * sigma / (largest[unit] or 1.0)
             canvas.rect(left, y, long, 15.0, "bar", f"{name}: {sigma}")
             canvas.text(left + long + 4.0, y + 12.0, with_unit(number(sigma), unit))
@@ -80,7 +80,7 @@ def reliability_figure(result: ResultShape, found: Reliability) -> Figure | None
         size = (width - left - 8.0) / max(poses, 1)
         canvas = Canvas(width, 18.0 * len(names) + 40.0)
         for c, name in enumerate(names):
-            canvas.text(left - 6.0, 18.0 * c + 13.0, name[:12], anchor="end")
+            canvas.text(left - 6.0, 18.0 * c + 13.0, fitted(name, left - 8.0), anchor="end")
             for p, (error, harm) in enumerate(
                 zip(found.detectable[c], found.external[c], strict=True)
             ):
@@ -92,10 +92,12 @@ def reliability_figure(result: ResultShape, found: Reliability) -> Figure | None
         y = 18.0 * len(names) + 14.0
         canvas.text(left, y, "pose, in the order of the readings", kind="label")
         words = ("half", "usual", "2 ×", "4 ×", "none")
-        step = (width - left) / (len(words) + 0.3)
+        long = [14.0 + width_of(label) for label in words]
+        gap = (width - left - sum(long)) / len(words)
         for k, label in enumerate(words):
-            canvas.rect(left + step * k, y + 8.0, 11.0, 11.0, f"level{k}")
-            canvas.text(left + step * k + 14.0, y + 18.0, label)
+            x = left + sum(long[:k]) + gap * k
+            canvas.rect(x, y + 8.0, 11.0, 11.0, f"level{k}")
+            canvas.text(x + 14.0, y + 18.0, label)
         return canvas.svg("minimum detectable error by channel and pose")
 
     usual = listed_words([with_unit(number(size), unit) for unit, size in middle.items()])

@@ -8,11 +8,11 @@ from typing import Any
 from rsicalib.facts.shapes import Against, EffectEvidence, Evidence, Law, Name, Score, Step
 from rsicalib.report.curves import ANY_CURVE, AnyCurve, any_curve
 from rsicalib.report.figure import Figure
-from rsicalib.report.svg import WIDE, Canvas, Chart, bounds
+from rsicalib.report.svg import WIDE, Canvas, Chart, bounds, fitted
 from rsicalib.report.words import name_of, number, subject
 from rsicalib.units import axis_words, in_thousandths
 
-__all__ = ["effect_figures", "effect_key", "scores_figure"]
+__all__ = ["effect_figures", "effect_key", "scores_figure", "scores_words"]
 
 HEIGHT = 240.0
 
@@ -207,12 +207,22 @@ def _added_variable_figure(step: Step, evidence: EffectEvidence, name: str) -> F
     return Figure(f"{name}-added", draw, caption)
 
 
+def scores_words(scores: Sequence[Score]) -> str:
+    """The same in a sentence, where there is no more to see."""
+    best = max(scores, key=lambda score: score.charged)
+    tried = f"of {len(scores)} candidates that were tried"
+    if best.charged > 0.0:
+        one = f"{subject(best.effect)} alone lowers χ² by more than it is charged for"
+        return f"{tried.capitalize()} {one}, by {number(best.charged)}; it was not named."
+    return f"None {tried} lowers χ² by more than it is charged for."
+
+
 def scores_figure(scores: Sequence[Score], name: str) -> Figure | None:
     """Draw the score of every candidate as a bar, the best first."""
     shown = [s for s in scores if s.charged > 0.0]
     few, rest = shown[:BARS], shown[BARS:]
-    if not few:
-        return None
+    if len(few) < 2 and not any(score.chosen for score in few):
+        return None  # a bar alone has nothing beside it
     largest = few[0].charged
 
     def draw(width: float) -> str:
@@ -221,8 +231,8 @@ def scores_figure(scores: Sequence[Score], name: str) -> Figure | None:
         canvas = Canvas(width, 20.0 * len(few) + min(2.0 * len(rest), 160.0) + 34.0)
         for k, score in enumerate(few):
             y = 8.0 + 20.0 * k
-            words = _short(score, width)
-            canvas.text(left - 6.0, y + 12.0, words, anchor="end", kind="tick")
+            words = fitted(f"{name_of(score.effect.term)} {score.effect.target}", left - 4.0)
+            canvas.text(left - 4.0, y + 12.0, words, anchor="end", kind="tick")
             said = (
                 f"{subject(score.effect)}: score {number(score.score)}, p {number(score.p_value)}"
             )
@@ -251,9 +261,3 @@ def scores_figure(scores: Sequence[Score], name: str) -> Figure | None:
     else:
         caption += "None was named."
     return Figure(name, draw, caption)
-
-
-def _short(score: Score, width: float) -> str:
-    words = f"{name_of(score.effect.term)} {score.effect.target}"
-    most = 34 if width == WIDE else 22
-    return words if len(words) <= most else f"{words[: most - 1]}…"

@@ -65,10 +65,11 @@ class Figure:
 
 
 def whole(text: str) -> str:
-    """Text of a page: options of commands, dates, numbers with a power of ten and probabilities
-    stay on one line.
+    """Text of a page: options of commands, dates, numbers with a power of ten, probabilities,
+    values with their bounds and shares stay on one line.
     """
-    broken = r"\bp [=<] [0-9.]+(?:e-[0-9]+)?|"
+    number = r"-?[0-9.]+(?:e-?[0-9]+)?"
+    broken = rf"\bp (?:=|&lt;) {number}|χ² {number}|{number} ± {number}|(?<![\w.]){number} %|"
     broken += r"(?<![\w-])--[a-z][a-z-]*|(?<![\w.])[0-9.]+e-[0-9]+|\b\d{4}-\d\d-\d\d\b"
     return re.sub(broken, r'<span class="whole">\g<0></span>', text)
 

@@ -23,6 +23,7 @@ from rsicalib.report.words import (
     plus_minus,
     probability,
     subject,
+    target_words,
 )
 
 __all__ = [
@@ -69,7 +70,8 @@ def words_of(one: Hypothesis) -> str:
     if one.kind == "nothing":
         return "Nothing is missing"
     if one.kind == "any_curve":
-        return f"A smooth curve of any shape, at {listed_words(_targets(one))}"
+        targets = [target_words("sensor", target) for target in _targets(one)]
+        return f"A smooth curve of any shape, of {listed_words(targets)}"
     words = listed_words([subject(name) for name in one.effects])
     return words[:1].upper() + words[1:]
 

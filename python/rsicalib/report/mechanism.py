@@ -16,7 +16,7 @@ from rsicalib.facts.shapes import Evidence, ResultShape, TraceShape
 from rsicalib.report.figure import Figure, data_element
 from rsicalib.report.residuals import Dots
 from rsicalib.report.scene import ABOVE, VIEW, Scene, rounded, scene_of, seen
-from rsicalib.report.svg import WIDE, Canvas
+from rsicalib.report.svg import WIDE, Canvas, width_of
 from rsicalib.report.words import number
 
 __all__ = ["mechanism_figure"]
@@ -26,9 +26,6 @@ HEIGHT = {True: 500.0, False: 380.0}
 
 FOOT = {True: 60.0, False: 84.0}
 """Of that, below the mechanism, for the legend."""
-
-BOLD = 7.6
-"""Width of a letter of a name, at most on average."""
 
 LINE = 14.0
 """Height of a name."""
@@ -160,7 +157,7 @@ def _joints(canvas: Canvas, scene: Scene, body: FloatArray) -> None:
             canvas.dot(x, y, 6.0 if culprit else 2.6, kind, n=k)
     taken: list[tuple[float, float, float]] = []
     for k in sorted(faults):
-        x, y, right = _beside(canvas.width, body[k], BOLD * len(faults[k]), taken)
+        x, y, right = _beside(canvas.width, body[k], width_of(faults[k], bold=True), taken)
         canvas.parts.append(
             f'<text class="culprit" data-n="{k}" x="{x:.1f}" y="{y:.1f}" '
             f'text-anchor="{"start" if right else "end"}">{escape(faults[k])}</text>'
@@ -266,6 +263,13 @@ def _caption(result: ResultShape, scene: Scene) -> str:
     if len(scene.known):
         both = " before and after" * scene.found
         out += f"Rings are check poses, with their measured error{both}. "
+    if scene.cells is not None:
+        low, high = (number(end, 2) for end in scene.cells.ends)
+        where = "is coloured" if not scene.found else "can be coloured"
+        out += (
+            f"A plane {where} by how well the position is known over the workspace: to between "
+            f"{low} and {high} {unit}, one standard deviation. "
+        )
     if isinstance(result, TraceShape) and not all(step.applied for step in result.steps):
         out += "After is with what was found, which is not applied to positions. "
     if not scene.found and scene.apart.any():

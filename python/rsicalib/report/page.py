@@ -13,7 +13,7 @@ from rsicalib.facts.verdicts import EXIT_CODES
 from rsicalib.plain_text import counted
 from rsicalib.report.certainty import certainty_html
 from rsicalib.report.checks import noise_figure, reliability_figure, reliability_rows
-from rsicalib.report.effects import effect_figures, scores_figure
+from rsicalib.report.effects import effect_figures, scores_figure, scores_words
 from rsicalib.report.figure import STYLE, Figure, data_element, whole
 from rsicalib.report.mechanism import mechanism_figure
 from rsicalib.report.plain import plain_words
@@ -213,10 +213,8 @@ def table(
             kinds[heads.index(long)] = ' class="long"'
         out = []
         for k, (kind, cell) in enumerate(zip(kinds, row, strict=True)):
-            # Numbers are never broken as it is.
-            words = k < text or heads[k] == long
             own = tag if cell else "td"  # a head without words is none
-            shown = whole(escape(cell)) if words else escape(cell)
+            shown = whole(escape(cell)) if k < text or heads[k] == long else _number(cell)
             if links and k == 0 and cell in links:
                 shown = f'<a href="{escape(links[cell])}">{shown}</a>'
             out.append(f"<{own}{kind}>{shown}</{own}>")
@@ -227,6 +225,11 @@ def table(
     named = f' role="region" aria-label="{escape(words)}" tabindex="0"' if words else ""
     kind = "scroll wide" if wide else "scroll"
     return f'<div class="{kind}"{named}><table>{head}\n<tbody>\n{body}\n</tbody></table></div>'
+
+
+def _number(cell: str) -> str:
+    """A cell with numbers: where it is too wide, a line begins with what is between two of them."""
+    return re.sub("([±…]) ", "\\1\u00a0", escape(cell))
 
 
 def section(title: str, *parts: str) -> str:
@@ -411,7 +414,7 @@ def _effects(result: TraceShape, evidence: Evidence | None) -> list[Figure | Non
 def _found(result: TraceShape, evidence: Evidence | None) -> str:
     parts = []
     for k, step in enumerate(result.steps):
-        parts.append(f"<h3>{escape(subject(step))}: {escape(size_words(step))}</h3>")
+        parts.append(f"<h3>{whole(escape(f'{subject(step)}: {size_words(step)}'))}</h3>")
         parts.append(_said(_cost(step, result.length_unit)))
         parts += [] if step.applied else [f"<p>{_capital(not_applied(result))}.</p>"]
         parts.append(pictures(effect_figures(step, evidence, k)))
@@ -424,7 +427,9 @@ def _found(result: TraceShape, evidence: Evidence | None) -> str:
         said = told if result.verdict in OPEN else _capital(left.text).rstrip(".")
         parts.append(_said(f"{said}{p}."))
     if evidence is not None and not result.steps:
-        parts.append(pictures([scores_figure(evidence.left, "left-scores")]))
+        drawn = scores_figure(evidence.left, "left-scores")
+        said = _said(scores_words(evidence.left)) if evidence.left else ""
+        parts.append(pictures([drawn]) if drawn else said)
     return section("What was found", *parts)
 
 

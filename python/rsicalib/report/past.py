@@ -15,11 +15,11 @@ from rsicalib.facts.estimates import parameter_key
 from rsicalib.facts.records import Record, to_json
 from rsicalib.plain_text import counted
 from rsicalib.plots import intervals, on_axes
-from rsicalib.report.figure import Figure
+from rsicalib.report.figure import Figure, whole
 from rsicalib.report.page import FEW, document, listed, pictures, section, table
 from rsicalib.report.residuals import FAR
-from rsicalib.report.svg import LETTER, WIDE, Axis, Canvas, Chart, bounds
-from rsicalib.report.words import number, p_is, plus_minus
+from rsicalib.report.svg import WIDE, Axis, Canvas, Chart, bounds, fitted, width_of
+from rsicalib.report.words import number, plus_minus, probability
 from rsicalib.tabular import Tabular, Told
 from rsicalib.units import axis_words
 
@@ -277,6 +277,14 @@ def _cells(one: Series) -> list[str]:
     return [f"{name:24}", f"{value:>14}", f"{half:>10}", f"{rate:>12}", f"{rate_half:>10}"]
 
 
+def _row(one: Series) -> list[str]:
+    """The same for a page: values with their bounds."""
+    _, last, half, rate, rate_half = (cell.strip() for cell in _cells(one))
+    yearly = "–" if one.rate is None else f"{rate} ± {rate_half}"
+    chance = "–" if one.p_value is None else probability(one.p_value)
+    return [axis_words(one.key, one.unit), f"{last} ± {half}", yearly, chance]
+
+
 def _drifts(history: History) -> list[Series]:
     """Parameters with a rate that is worth its price, the number of parameters counted in."""
     return [s for s in history.parameters if s.kind in DRIFTING]
@@ -313,7 +321,7 @@ def forecast_words(forecast: Forecast, unit: str) -> str:
 
 def page(history: History) -> str:
     """The history as one HTML page."""
-    called = history.device or history.mechanism
+    called, last = history.device or history.mechanism, history.results[-1].valid_from
     words = lines(history)[0]
     drifts = _drifts(history)
     drifting = ", ".join(f"{s.term} of {s.target}" for s in drifts)
@@ -329,17 +337,16 @@ def page(history: History) -> str:
     mood = "bad" if drifts or events or scattered or late else "good"
     parts = [
         "<h1>History of a calibration</h1>",
-        f'<p class="verdict {mood}">{escape(verdict)}</p>',
+        f'<p class="verdict {mood}">{whole(escape(verdict))}</p>',
     ]
     if history.forecast is not None:
         forecast = forecast_words(history.forecast, history.length_unit)
-        parts.append(f"<p>{escape(forecast[0].upper() + forecast[1:])}.</p>")
+        parts.append(f"<p>{whole(escape(forecast[0].upper() + forecast[1:]))}.</p>")
     for many, told in (("jumps", events), ("parameters that scatter", scattered)):
         said = listed(f"{line[0].upper()}{line[1:]}." for line in told)
         if len(told) > FEW:
             said = f"<details><summary>{len(told)} {many}</summary>\n{said}</details>"
         parts.append(said)
-    parts.append(section("Over time", _sparklines(history)))
     rows = [
         (one.valid_from, one.verdict, ", ".join(one.found), one.note or "", one.file)
         for one in history.results
@@ -348,10 +355,12 @@ def page(history: History) -> str:
     used = [k for k in range(len(names)) if any(row[k] for row in rows)]
     heads = [names[k] for k in used]
     filled = [[row[k] for k in used] for row in rows]
-    parts.append(section("Results", table(heads, filled, text=len(heads))))
-    columns = ("parameter", "last", "± 95 %", "per year", "± 95 %", "", "unit")
-    cells = [(*(c.strip() for c in _cells(s)), p_is(s.p_value), s.unit) for s in history.parameters]
-    parts.append(section("Parameters", table(columns, cells)))
+    results = f"<h3>Results</h3>\n{table(heads, filled, text=len(heads), words='results')}"
+    both = f'<div class="choose"><div>{_sparklines(history)}</div>\n<div>{results}</div></div>'
+    parts.append(section("Over time", both))
+    columns = ("parameter", "last, ± 95 %", "per year, ± 95 %", "by chance")
+    cells = [_row(one) for one in history.parameters]
+    parts.append(section("Parameters", table(columns, cells, words="parameters", wide=True)))
     each = pictures(map(_figure, history.parameters))
     if each:
         words = "Each parameter by itself, with 95 % intervals"
@@ -359,11 +368,14 @@ def page(history: History) -> str:
     rows_out = [(one.file, one.reason) for one in history.left_out]
     if rows_out:
         parts.append(section("Left out", table(("file", "why"), rows_out, text=2)))
-    return document(f"{called}: history", parts)
+    return document(f"{called}: history", parts, f"History of {called}, to {last}")
 
 
 ROW = 26.0
 """Height of a parameter in the grid."""
+
+LEAST = 6
+"""Letters of a note that are worth writing."""
 
 REACH = 4.0
 """Standard deviations that a row has room for, at least, up and down."""
@@ -379,22 +391,19 @@ def _sparklines(history: History) -> str:
 
     def draw(width: float) -> str:
         left = 150.0 if width == WIDE else 104.0
-        letters = int((left - 8.0) / LETTER)
-        canvas = Canvas(width, ROW * len(shown) + 30.0)
+        canvas = Canvas(width, ROW * len(shown) + 34.0)
         x = Axis(first, last, left, width - 14.0)
         bottom = ROW * len(shown)
         for past in history.results:
             at = x(_days(past.valid_from))
             canvas.line(at, 0.0, at, bottom, "grid")
-            if past.note or past.found:
-                said = ", ".join(filter(None, [past.valid_from, past.note, *past.found]))
-                canvas.dot(at, bottom + 6.0, 3.0, "ring", said)
+        _events(canvas, history, x, bottom + 7.0)
         for k, one in enumerate(shown):
             middle, usual = float(np.median(one.values)), float(np.median(one.sd)) or 1.0
             far = [(value - middle) / usual for value in one.values]
             reach = max(REACH, *(abs(z) for z in far))
             y = Axis(-reach, reach, ROW * (k + 1) - 4.0, ROW * k + 4.0)
-            canvas.text(left - 6.0, y(0.0) + 4.0, one.key[:letters], anchor="end")
+            canvas.text(left - 6.0, y(0.0) + 4.0, fitted(one.key, left - 8.0), anchor="end")
             canvas.rect(left, y(2.0), width - 14.0 - left, y(-2.0) - y(2.0), "noise")
             along = [x(_days(date)) for date in one.valid_from]
             canvas.path(list(zip(along, map(y, far), strict=True)), "law thin")
@@ -418,8 +427,35 @@ def _sparklines(history: History) -> str:
     if any(one.jumps for one in shown):
         caption += " A red line is a jump."
     if any(past.note or past.found for past in history.results):
-        caption += " Rings below have a note, or an effect that was found: point at them."
-    return pictures([Figure("sparklines", draw, caption)])
+        caption += " Rings below are results with a note, or with an effect that was found."
+    return Figure("sparklines", draw, caption).html()
+
+
+def _events(canvas: Canvas, history: History, x: Axis, y: float) -> None:
+    """A ring for each result with a note or an effect, with its words where there is room."""
+    told = [
+        (
+            x(_days(past.valid_from)),
+            past.valid_from,
+            ", ".join(filter(None, [past.note, *past.found])),
+        )
+        for past in history.results
+        if past.note or past.found
+    ]
+    afters = [*(at for at, _, _ in told[1:]), canvas.width]
+    free = 0.0
+    for (at, day, words), after in zip(told, afters, strict=False):
+        canvas.dot(at, y, 3.0, "ring", f"{day}, {words}")
+        left, right = at - free, after - at
+        shown = fitted(words, max(left, right) - 14.0)
+        free = at + 7.0
+        if len(shown) < LEAST:
+            continue
+        if right >= left:
+            canvas.text(at + 7.0, y + 4.0, shown)
+            free += width_of(shown)
+        else:
+            canvas.text(at - 7.0, y + 4.0, shown, anchor="end")
 
 
 def _figure(one: Series) -> Figure:

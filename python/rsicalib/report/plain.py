@@ -6,6 +6,7 @@ import math
 
 from rsicalib.facts.shapes import Evidence, ResultShape, Step, TraceShape
 from rsicalib.report.words import (
+    either_words,
     labelled,
     listed_words,
     name_of,
@@ -138,11 +139,11 @@ def _sure(result: TraceShape, step: Step) -> str:
     here = sum(r.probability for r in rivals if any(n.target == step.target for n in r.terms))
     twins = [subject(n) for n in step.also_fits if n.target != step.target]
     if twins:
-        return f"{what} These poses cannot tell it from {_either(twins[:3])}."
+        return f"{what} These poses cannot tell it from {either_words(twins[:3])}."
     if here >= SURE:
         return f"It is certain that it is {thing}. {what}"
     others = {n.target for r in rivals for n in r.terms} - {s.target for s in result.steps}
-    or_at = f"; it may be at {_either(sorted(others)[:3])}" if others else ""
+    or_at = f"; it may be at {either_words(sorted(others)[:3])}" if others else ""
     return f"That it is {thing} has a probability of {100 * here:.0f} %{or_at}. {what}"
 
 
@@ -155,9 +156,5 @@ def _what(step: Step, terms: list[str]) -> str:
         return f"{'Their' if _is_several(step) else 'Its'} {shapes[0]} is off by {size}."
     error = "It" if step.klass != "sensor" else "The error"
     if len(terms) > 1:
-        return f"{error} may be {_either(shapes[:4])}."
+        return f"{error} may be {either_words(shapes[:4])}."
     return f"{error} is {shapes[0]}{f', {size}' if one else ''}."
-
-
-def _either(items: list[str]) -> str:
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} or {items[-1]}"

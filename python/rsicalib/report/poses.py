@@ -12,7 +12,7 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.report.figure import Figure
 from rsicalib.report.page import document, listed, section, table
-from rsicalib.report.svg import LETTER, WIDE, Canvas, Chart, bounds
+from rsicalib.report.svg import WIDE, Canvas, Chart, bounds, width_of
 
 __all__ = ["poses_figure", "poses_html"]
 
@@ -96,7 +96,7 @@ def poses_figure(poses: FloatArray, unit: str, labels: Sequence[str]) -> Figure:
                 place = chart.at((pose[u], pose[v]))
                 angles = ", ".join(f"{value:.0f}°" for value in np.degrees(pose[3:]))
                 part.dot(*place, 3.4, said=f"pose {label}: rx, ry, rz {angles}")
-                part.text(*_beside(place, LETTER * len(label), taken), label)
+                part.text(*_beside(place, width_of(label), taken), label)
             column, row = k % across, k // across
             move = f"translate({room * column:.1f} {height * row:.1f})"
             canvas.parts.append(f'<g transform="{move}">{"".join(part.parts)}</g>')

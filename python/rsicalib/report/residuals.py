@@ -173,8 +173,7 @@ def draw_residuals(
                 kind = "dot out" if pose in dots.out else "dot"
                 said = f"{dots.labels[pose]}, {dots.equations[e]}: {value:.2f}"
                 x, y = chart.at((pose + 1, min(max(value, -bound), bound)))
-                culprit = (pose, e) in far and abs(value) > FAR
-                kind = f"{kind} far" if culprit else kind
+                kind = f"{kind} far" if abs(value) > FAR else kind
                 number = {"p": pose} if dots.size == 1 else {}
                 number |= {"k": pose * len(row) + e} if numbered else {}
                 # No pointer rests on a phone.

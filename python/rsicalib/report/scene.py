@@ -77,6 +77,8 @@ class Cells:
         Height of the plane; None: the floor, for what stands for all heights.
     first : int
         Cells of the maps before this one.
+    ends : tuple of float
+        Smallest and largest standard deviation of a coordinate.
     """
 
     at: FloatArray
@@ -84,6 +86,7 @@ class Cells:
     step: tuple[float, ...]
     z: float | None
     first: int
+    ends: tuple[float, float]
 
     @classmethod
     def of(cls, slices: tuple[Slice, ...]) -> Cells | None:
@@ -99,6 +102,7 @@ class Cells:
             slices[level[0]].step,
             slices[level[0]].value,
             sum(map(len, drawn[: level[0]])),
+            (min(cell[2] for cell in cells), max(cell[2] for cell in cells)),
         )
 
     def corners(self, floor: float) -> FloatArray:

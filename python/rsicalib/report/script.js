@@ -90,7 +90,7 @@
   const choose = (k) => {
     boxes.forEach((box) => { box.checked = true; });
     const one = hypotheses[k];
-    show(one, `${one.words}: χ² / degrees of freedom ${one.error[0]}.`);
+    show(one, `Chosen: ${one.words[0].toLowerCase()}${one.words.slice(1)}. χ² / degrees of freedom ${one.error[0]}.`);
     if (fader && (k === 0 || k === named)) fader.value = k === named ? 100 : 0;
     if (fader) fade(false);
   };

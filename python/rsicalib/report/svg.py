@@ -14,14 +14,15 @@ from typing import TypeAlias
 from unicodedata import east_asian_width
 
 __all__ = [
-    "LETTER",
     "NARROW",
+    "SIZE",
     "WIDE",
     "Axis",
     "Canvas",
     "Chart",
     "Draw",
     "bounds",
+    "fitted",
     "ticks",
     "width_of",
 ]
@@ -29,21 +30,49 @@ __all__ = [
 WIDE, NARROW = 560.0, 320.0
 """Widths at which figures are drawn, in units of their view box."""
 
-LETTER = 6.9
-"""Width of a letter of a label, at most on average."""
-
-LETTERS = {"ijl|.,:;'!I ": 0.3, "frt()[]/-·": 0.4, "mwMW@%—": 0.88}
-"""Widths of letters that are not of the usual one [height of the font]."""
-
-USUAL = 0.6
 SIZE = 12.0
 """Height of the font [px]."""
 
-BOLD = 1.14
-"""How much wider bold letters are."""
+WIDTHS = {
+    "'IJijl": 0.3,
+    " ,./:;\\|·": 0.35,
+    "()-[]ft": 0.4,
+    "!r²": 0.45,
+    '"*_`°–': 0.5,
+    "?csz": 0.55,
+    "FLkvxyχ": 0.6,
+    "ABCKRVXZ": 0.7,
+    "NU": 0.75,
+    "&DGHOQ": 0.8,
+    "#+<=>^w~±×": 0.85,
+    "M": 0.9,
+    "%@Wm—…": 1.0,
+}
+"""Widths of letters in DejaVu Sans, the widest usual font, rounded up [height of the font]."""
 
-WIDEST = 1.06
-"""How much wider letters are in the widest font that a browser may take."""
+BOLD_WIDTHS = {
+    " 'ijl": 0.35,
+    ",./:;IJ\\|·": 0.4,
+    "-f²": 0.45,
+    "!()[]_`rt°–": 0.5,
+    '"*': 0.55,
+    "?csz": 0.6,
+    "Lxχ": 0.65,
+    "$0123456789EFTaekovy": 0.7,
+    "ABKRVXσ": 0.8,
+    "#+<=>DGHNU^~±×": 0.85,
+    "&OQ": 0.9,
+    "w": 0.95,
+    "@M—…": 1.0,
+    "%m": 1.05,
+    "W": 1.15,
+}
+
+USUAL, BOLD_USUAL = 0.65, 0.75
+"""Widths of all other letters."""
+
+SAME = 0.61
+"""Width of every letter of a font that has one width, which a browser may take as well."""
 
 Draw: TypeAlias = Callable[[float], str]
 """A figure: an `<svg>` element for a width."""
@@ -100,20 +129,41 @@ def bounds(values: Iterable[float], room: float = 0.05) -> tuple[float, float]:
 
 
 def width_of(words: str, *, bold: bool = False) -> float:
-    """Width of words in a usual font [px]."""
+    """Width of words in a wide font [px]."""
+    widths, usual = (BOLD_WIDTHS, BOLD_USUAL) if bold else (WIDTHS, USUAL)
 
     def one(letter: str) -> float:
         if east_asian_width(letter) in "WF":
-            return 2 * USUAL
-        return next((width for letters, width in LETTERS.items() if letter in letters), USUAL)
+            return 1.0
+        return next((width for letters, width in widths.items() if letter in letters), usual)
 
-    return SIZE * (BOLD if bold else 1.0) * sum(map(one, words))
+    return SIZE * sum(map(one, words))
+
+
+def fitted(words: str, room: float) -> str:
+    """Words, cut at their end where they are wider than the room.
+
+    Examples
+    --------
+    >>> fitted("reference temperature", 90.0)
+    'reference t…'
+    """
+    if width_of(words) <= room:
+        return words
+    return next(
+        (
+            f"{words[:n]}…"
+            for n in range(len(words) - 1, 0, -1)
+            if width_of(f"{words[:n]}…") <= room
+        ),
+        "…",
+    )
 
 
 def _length(words: str, room: float, *, bold: bool = False) -> str:
     """The attribute that keeps words within so much room, where a font could take more."""
     width = width_of(words, bold=bold)
-    if WIDEST * width <= room:
+    if max(width, SIZE * SAME * len(words)) <= room:
         return ""
     # Letters are no wider than they are: what is to be as long as it is has other gaps.
     adjust = "spacing" if width <= room else "spacingAndGlyphs"
@@ -247,12 +297,14 @@ class Chart:
             Whether the numbers along x are written.
         """
         narrow = canvas.width < WIDE
-        longest = max(len(f"{value:g}") for value in ticks(*y, 5))
-        left, bottom = max(46.0 if narrow else 64.0, 24.0 + LETTER * longest), 36.0
+        longest = max(width_of(f"{value:g}") for value in ticks(*y, 5))
+        left, bottom = max(46.0 if narrow else 64.0, 24.0 + longest), 36.0
         across = Axis(*x, left, canvas.width - 10.0)
         up = Axis(*y, top + height - bottom, top + 24.0)
         if title:
-            canvas.text(2.0, top + 13.0, title, kind="title")
+            # Letters of a title are of 13 px.
+            shown = fitted(title, SIZE / 13.0 * (canvas.width - 4.0))
+            canvas.text(2.0, top + 13.0, shown, kind="title")
         for value in ticks(*y, 5):
             kind = "zero" if value == 0.0 else "grid"
             canvas.line(across.start, up(value), across.end, up(value), kind)

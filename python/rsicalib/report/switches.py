@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
@@ -20,7 +21,7 @@ from rsicalib.report.hypotheses import (
 )
 from rsicalib.report.residuals import Dots, draw_residuals
 from rsicalib.report.scene import Scene
-from rsicalib.report.words import misclosure_unit, name_of, number, subject
+from rsicalib.report.words import either_words, misclosure_unit, name_of, number, subject
 from rsicalib.report.workspace import Shades
 
 __all__ = ["data_of", "switchboard_html", "words_of"]
@@ -36,6 +37,13 @@ def words_of(switch: Switch) -> str:
         return f"{subject(switch.effect)} is in the model"
     at = f", {switch.channel}," if switch.channel else ""
     return f"the reading of pose {switch.pose}{at} is left out"
+
+
+def _taken(switches: Sequence[Switch]) -> str:
+    """What the switches do, in words."""
+    effects = {switch.effect is not None for switch in switches}
+    ways = ["take out an effect"] * (True in effects) + ["take back a reading"] * (False in effects)
+    return either_words(ways)
 
 
 def data_of(evidence: Evidence, dots: Dots, scene: Scene | None) -> dict[str, Any]:
@@ -80,8 +88,8 @@ def switchboard_html(
     switches = f'<fieldset id="switches"><legend>Suspects</legend>{boxes}</fieldset>'
     if not boxes:
         switches = ""
-    elif known:
-        words = "Take out one effect, or take back a reading, at a time"
+    elif known and board:
+        words = f"{_taken(board.switches).capitalize()}, one at a time"
         switches = f"<details><summary>{words}</summary>{switches}</details>"
     names = ["χ² / degrees of freedom", "p-value", f"misclosure, rms [{misclosure_unit(result)}]"]
     if any(one.check is not None for one in known):
@@ -103,6 +111,8 @@ def switchboard_html(
             f'<td class="n" data-value="{key}">{escape(value)}</td>'
             f'<td class="n" data-half="{key}">{escape(half)}</td><td>{escape(p.unit)}</td></tr>'
         )
+    ways = ["choose another hypothesis"] * bool(known)
+    ways += [_taken(board.switches)] if board and boxes else []
     panel = residuals_of(full, len(dots.equations))
     largest = max(float(np.abs(residuals_of(f, len(dots.equations))).max()) for f in fits)
     picture = Figure(
@@ -114,20 +124,19 @@ def switchboard_html(
             numbered=True,
             at_least=min(1.1 * largest, WIDEST_SIGMA),
         ),
-        "The residual of what is chosen: choose another hypothesis, take out an effect or take "
-        f"back a reading, and see where it grows (up to {number(largest)} σ in all that can be "
-        "chosen).",
+        f"The residual of what is chosen: {either_words(ways)}, and see where it grows (up "
+        f"to {number(largest)} σ in all that can be chosen).",
     )
     means = (
         '<p class="faint">All are fits to the mean of the samples of each pose, whose misclosure '
         "is smaller than that of single samples.</p>"
     ) * (result.readings.samples > result.readings.poses)
     return (
-        f'<div class="choose"><div>{choices_html(evidence, rivals)}{fader_html(evidence)}{switches}'
-        '<p id="switched-words" role="status" aria-live="polite"></p>'
-        f'<div class="scroll" role="region" aria-label="error as chosen" tabindex="0"><table>'
+        f'<div class="choose">{choices_html(evidence, rivals)}{fader_html(evidence)}{switches}'
+        '<p id="switched-words" role="status" aria-live="polite"></p>\n'
+        '<div class="scroll" role="region" aria-label="error as chosen" tabindex="0"><table>'
         '<thead><tr><td></td><th class="n">as found</th><th class="n">as chosen</th></tr></thead>'
-        f"<tbody>{errors}</tbody></table></div></div><div>{picture.html()}</div></div>"
+        f"<tbody>{errors}</tbody></table></div>{picture.html()}</div>"
         '<details class="as-chosen"><summary>Parameters as chosen</summary>'
         '<div class="scroll" role="region" aria-label="parameters as chosen" tabindex="0">'
         '<table><thead><tr><th>target</th><th>parameter</th><th class="n">as found</th>'

@@ -32,7 +32,7 @@ from rsicalib.units import axis_words, with_unit
 __all__ = ["summary"]
 
 LINES = 23
-"""With a blank one and the path of a report they are 25."""
+"""With a blank one and the path of a report they are 25, in lines of `WIDTH` columns."""
 WIDTH = 100
 """Columns where nobody says how wide the terminal is: a file, a pipe."""
 NARROW = 40
@@ -51,6 +51,10 @@ class Look:
 
     width: int = WIDTH
     whole: bool = False
+
+    def lines(self, most: int) -> int:
+        """Lines that hold what so many lines of the usual width hold."""
+        return max(most, -(-most * WIDTH // self.width))
 
 
 def summary(result: ResultShape, *, width: int | None = None, whole: bool = False) -> str:
@@ -91,31 +95,34 @@ def summary(result: ResultShape, *, width: int | None = None, whole: bool = Fals
         tail = _advice(result, None, look)
         middle += ["", *_parameters(result, None, look)]
         return "\n".join([*head, "", *middle, *([""] * bool(tail)), *tail])
-    free = LINES - len(head) - len(middle) - 2 if isinstance(result, TraceShape) else 0
-    tail = _advice(result, max(free, ADVICE), look)
+    lines = look.lines(LINES)
+    free = lines - len(head) - len(middle) - 2 if isinstance(result, TraceShape) else 0
+    tail = _advice(result, max(free, look.lines(ADVICE)), look)
     if tail:
         tail = ["", *tail]
-    room = LINES - len(head) - len(tail) - 1
+    room = max(lines - len(head) - len(tail) - 1, 1)
     if not isinstance(result, TraceShape):
         middle += ["", *_parameters(result, room - len(middle) - 1, look)]
     if len(middle) > room:
         middle = [*middle[: room - 1], f"  … {len(middle) - room + 1} more lines in the report"]
-    return "\n".join([*head, "", *middle, *tail][:LINES])
+    return "\n".join([*head, "", *middle, *tail])
 
 
 def _most(lines: list[str], most: int, look: Look) -> list[str]:
-    """The first lines; all where everything is said."""
-    return lines if look.whole else lines[:most]
+    """What so many lines of the usual width hold, with a mark where that is not all of it; all
+    where everything is said.
+    """
+    most = look.lines(most)
+    if look.whole or len(lines) <= most:
+        return lines
+    return [*lines[: most - 1], f"{lines[most - 1][: look.width - 2]} …"]
 
 
 def _cut(line: str, look: Look) -> list[str]:
-    """A line, cut at its end; whole lines, the next ones indented, where everything is said."""
+    """A line, the next ones indented, of which what a line of the usual width holds is whole."""
     if len(line) <= look.width:
         return [line]
-    if look.whole:
-        return wrapped(line, look.width, subsequent_indent=" " * 12)
-    words = wrapped(line, look.width - 2, subsequent_indent=" " * 12)
-    return [f"{words[0]} …"]
+    return _most(wrapped(line, look.width, subsequent_indent=" " * 12), 1, look)
 
 
 def _entry(label: str, text: str, look: Look) -> list[str]:
@@ -207,7 +214,7 @@ def _found(result: TraceShape, look: Look) -> list[str]:
             cost = f"{number(rms.position, 2)} {result.length_unit}"
             turned = "" if rms.orientation is None else f", {number(rms.orientation, 2)} rad"
             extra = f"; {'platform' if turned else 'it moves points by'} {cost}{turned}"
-            line += extra if look.whole or len(line) + len(extra) <= look.width else ""
+            line += extra if look.whole or len(line) + len(extra) <= max(look.width, WIDTH) else ""
         lines += _cut(line, look)
         if not step.applied:
             lines += _cut(f"            {not_applied(result)}", look)

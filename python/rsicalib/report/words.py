@@ -30,6 +30,7 @@ __all__ = [
     "between_words",
     "comparison",
     "count_words",
+    "either_words",
     "elsewhere_words",
     "excluded_words",
     "judged_words",
@@ -172,6 +173,11 @@ def subject(step: Step | Name) -> str:
 def listed_words(items: Sequence[str]) -> str:
     """Words one after the other: `a, b and c`."""
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"
+
+
+def either_words(items: Sequence[str]) -> str:
+    """Words of which one holds: `a, b or c`."""
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} or {items[-1]}"
 
 
 def place_words(result: TraceShape) -> str:

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 
 from rsicalib.facts.shapes import Evidence, ResultShape, Slice, Weakest
 from rsicalib.report.figure import Figure
-from rsicalib.report.svg import LETTER, WIDE, Canvas, Chart
+from rsicalib.report.svg import WIDE, Canvas, Chart, width_of
 from rsicalib.report.words import listed_words, number, parameter_name, percent, target_words
 
 __all__ = ["Shades", "workspace_figure"]
 
-FINEST = 1e-6
+FINEST = 1e-5
 """Where the scale of colours begins, as a share of the workspace's width."""
 
 ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
@@ -105,8 +105,8 @@ def workspace_figure(
             "reach it. "
         )
     caption += (
-        "Warm colours are where poses are lacking; they stand for the same numbers in every "
-        "report of this mechanism. "
+        "The warmer a colour, the less well it is known; a colour stands for the same number in "
+        "every report of this mechanism. "
     )
     if target is not None:
         share = sum(value <= target for value in values) / len(values)
@@ -129,12 +129,12 @@ def _scale(canvas: Canvas, shades: Shades, first: int, last: int, unit: str) -> 
     """The colours from the first to the last that occur, with the numbers between them."""
     edges, count = shades.edges, last - first + 1
     words = [f"{edge:.2g}" for edge in edges[max(first - 1, 0) : last + 1]]
-    left = 12.0 + LETTER * len(words[0]) / 2
-    wide = min(44.0, (canvas.width - 2 * left - LETTER * (len(unit) + 1)) / count)
+    left = 12.0 + width_of(words[0]) / 2
+    wide = min(44.0, (canvas.width - 2 * left - width_of(f"{unit} ")) / count)
     base = canvas.height - 30.0
     for k in range(count):
         canvas.rect(left + wide * k, base, wide + 0.3, 11.0, f"sd{first + k}")
-    every = math.ceil(LETTER * (max(map(len, words)) + 1) / wide)
+    every = math.ceil((max(map(width_of, words)) + 7.0) / wide)
     # What is finer or coarser than the scale has no edge there.
     for k, text in enumerate(words[::every]):
         at = left + wide * (k * every + (first == 0))

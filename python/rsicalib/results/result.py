@@ -94,7 +94,9 @@ class Result(Interactive):
         write_text(path, self.to_json())
 
     def summary(self, *, width: int | None = None, whole: bool = False) -> str:
-        """Summary for a terminal of so many columns, 25 lines at most unless it is to be whole."""
+        """Summary for a terminal of so many columns: unless it is to be whole, what 25 lines of 100
+        columns hold.
+        """
         from rsicalib.report.terminal import summary
 
         return summary(self, width=width, whole=whole)

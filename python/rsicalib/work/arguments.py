@@ -18,7 +18,7 @@ from rsicalib.imports.log import Log
 from rsicalib.imports.opening import import_log
 from rsicalib.io.builtin import BUILTIN, DEFAULT
 from rsicalib.io.folders import OF_LOG
-from rsicalib.io.frames import TableArg, as_table, in_memory
+from rsicalib.io.frames import ArraysArg, FrameArg, as_table, in_memory
 from rsicalib.io.readings import Readings, load_readings
 from rsicalib.plain_text import meant
 from rsicalib.results.result import Result, load_calibration
@@ -27,6 +27,7 @@ from rsicalib.work.edited import edits, refuse_other_units
 __all__ = [
     "Bare",
     "CalibrationArg",
+    "FramelessArg",
     "MechanismArg",
     "PathLike",
     "ReadingsArg",
@@ -41,7 +42,8 @@ __all__ = [
 
 PathLike: TypeAlias = str | os.PathLike[str]
 MechanismArg: TypeAlias = PathLike | Mapping[str, Any] | Mechanism
-ReadingsArg: TypeAlias = PathLike | Readings | Log | TableArg
+FramelessArg: TypeAlias = PathLike | Readings | Log | ArraysArg
+ReadingsArg: TypeAlias = FramelessArg | FrameArg
 SessionsArg: TypeAlias = ReadingsArg | Sequence[ReadingsArg]
 CalibrationArg: TypeAlias = PathLike | Result
 

@@ -11,7 +11,7 @@ use crate::estimate::Noise;
 use crate::estimate::Part;
 use crate::estimate::settle::settled;
 use crate::mechanism::{Closure, Mechanism, Point, Target};
-use crate::model::{Instance, Model, Spec, Want, Workspace, instances_of, is_unknown_thing};
+use crate::model::{Instance, Model, Spec, Thing, Want, Workspace, instances_of, is_unknown_thing};
 use crate::readings::{Readings, Table};
 use crate::terms::term::{Outlasts, Over, Per, Role, Term};
 use crate::{Error, terms};
@@ -126,6 +126,34 @@ pub fn units_of(mechanism: &Mechanism, spec: &Spec, name: &str) -> Result<Vec<St
     let (term, targets) = spec.targets(mechanism)?;
     let unit = term.info().parameters[parameter_index(term, name)?].unit;
     Ok(targets.into_iter().map(|target| mechanism.unit_at(target, unit)).collect())
+}
+
+/// The unit of a parameter that a column is called after, as `gain@a11` and `curvature@a22.c2`; none
+/// where its targets have several, and where there is no such parameter.
+#[must_use]
+pub fn unit_of_key(mechanism: &Mechanism, key: &str) -> Option<String> {
+    let id = Spec::from(key).term;
+    if is_unknown_thing(&id) {
+        let flat = [Thing::Plane(0), Thing::Line(0), Thing::Frame(0)];
+        // Every coordinate of a point is a length.
+        let own = flat.into_iter().find(|thing| thing.term() == id);
+        let coordinates = own.map_or_else(Vec::new, |thing| thing.coordinates(mechanism));
+        let turns = |(name, long): &(&str, bool)| !long && key.ends_with(&format!(".{name}"));
+        let turned = coordinates.iter().any(turns);
+        return Some(if turned { "rad".into() } else { mechanism.length_unit.clone() });
+    }
+    let info = terms::find_in(mechanism, &id).ok()?.info();
+    // A parameter that is called as its term has no name of its own in the key.
+    let suffix = |name: &str| if name == info.id { String::new() } else { format!(".{name}") };
+    let named = info.parameters.iter().map(|p| (p.name, suffix(p.name)));
+    let (name, long) = named
+        .filter(|(_, suffix)| key.ends_with(suffix.as_str()))
+        .map(|(name, suffix)| (name, suffix.len()))
+        .max_by_key(|(_, long)| *long)?;
+    let spec = Spec::from(&key[..key.len() - long]);
+    let units = units_of(mechanism, &spec, name).ok()?;
+    let first = units.first()?.clone();
+    units.iter().all(|unit| *unit == first).then_some(first)
 }
 
 /// Error of a result on known poses, as [`crate::apply::check::check`] has it of a fit.
