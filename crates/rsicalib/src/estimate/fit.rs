@@ -141,9 +141,8 @@ fn begin(observations: &Observations, model: &Model, noise: &Noise) -> Start {
 /// Largest number of fits, each with the noise of the fit before.
 const ROUNDS: usize = 4;
 
-/// A fit of a search ends where no more than this of half the price is to be had: decisions turn on units of
-/// it. The price is χ², or `d ln χ²` of `d` equations where the fit alone gives the noise, (114).
-const ENOUGH: f64 = 1e-4;
+/// A fit of a search ends where no more than this of ½χ² is to be had: decisions turn on units of χ².
+const ENOUGH: f64 = 1e-5;
 
 /// True for two noises of readings that differ by a common factor only, to 1 %.
 fn proportional(a: &Noise, b: &Noise) -> bool {
@@ -256,12 +255,8 @@ fn minimum(
     let judged = observations.judged;
     let earlier = start.adjusted.as_ref().and_then(|it| it.of(&observations.readings));
     let mut adjusted = earlier.map(<[Lanes]>::to_vec);
-    let mut lm = observations.options.lm.clone();
-    if judged {
-        let equations = model.told_by(&observations.readings, &observations.weights);
-        lm.ptol = ENOUGH;
-        lm.ftol = lm.ftol.max(2.0 * ENOUGH / equations as f64);
-    }
+    let ptol = if judged { ENOUGH } else { observations.options.lm.ptol };
+    let lm = lm::SolverOptions { ptol, ..observations.options.lm.clone() };
     let mut declared = observations.options.noise.is_some()
         || observations.mechanism.channels.iter().all(|c| c.noise.is_some());
     let mut warnings: Vec<Suspicion> =
