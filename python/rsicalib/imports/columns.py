@@ -147,7 +147,7 @@ def _refuse_timeless(recording: Recording, table: Table, asked: Asked) -> None:
     if recording.time_s is not None or asked.rate is not None or asked.hold == 0.0:
         return
     hint = f"Those of the log: {', '.join(table.names)[:300]}. Name one so, or say how many rows "
-    hint += "there are in a second by --rate HZ, or take the recording as it is by --hold 0."
+    hint += "there are in a second by rsicalib import --rate HZ, or take all by --hold 0."
     expected = "one called time, timestamp or t, with its unit or without (time_ms)"
     raise InputError.at(table.source, found="no column of times", expected=expected, hint=hint)
 
@@ -234,7 +234,8 @@ def whole_rows(
         some = bool((count == len(names)).any())
         out = "leave them out by --skip-bad-rows, or " if some else "and none is whole: "
         hint = f"{part.size} such rows{': ' if some else ', '}{out}name the "
-        hint += f"channels that belong together by --channels: {_together(there[part], names)}."
+        hint += "channels that belong together by rsicalib import --channels: "
+        hint += f"{_together(there[part], names)}."
         raise InputError.at(
             source,
             line=int(lines[row]),
