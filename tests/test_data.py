@@ -207,6 +207,14 @@ def test_a_channel_may_bear_the_name_of_a_pose_column(write):
     assert readings.poses is None and "ignored columns: y" in readings.warnings[0].text
 
 
+@pytest.mark.parametrize("name", ["time", "timestamp", "t [ms]"])
+def test_a_time_under_another_name_is_not_ignored_without_a_word(name, write):
+    stage = Mechanism((Channel("q", "rad", None),))
+    warning = load_readings(write(f"{name},q\n0,1\n1,4\n"), stage).warnings[0]
+    assert warning.kind == "ignored_columns"
+    assert f"{name!r} looks like a time, which is called 'time_s' here" in warning.text
+
+
 # What is refused
 
 

@@ -75,6 +75,33 @@ def test_a_mechanism_in_degrees_is_the_one_in_radians() -> None:
             assert other.value == pytest.approx(one.value, abs=1e-9) and other.unit == "rad"
 
 
+def test_a_pair_of_arms_in_degrees_is_the_one_in_radians() -> None:
+    """Channels of no joint: what is found is in radians, and says so."""
+
+    def pair(unit: str, factor: float) -> rsicalib.Calibration:
+        rng = np.random.default_rng(5)
+        leader = rng.uniform(-1.5, 1.5, 200)
+        follower = (leader - 0.03) / 1.02 + rng.normal(0, 2e-3, 200)
+        names = ("leader", "follower")
+        scale = {"unit": unit, "gain": 1.0, "offset": 0.0}
+        values: Values = {"name": "pair", "length_unit": "m"}
+        values["channel"] = [{"name": name, **scale} for name in names]
+        values["closure"] = [{"name": "joint", "kind": "equal", "between": [*names]}]
+        values["model"] = {"terms": ["offset@follower", "gain@follower"]}
+        rows = {"leader": factor * leader, "follower": factor * follower}
+        return rsicalib.calibrate(rows, Mechanism(values))
+
+    plain, degrees = pair("rad", 1.0), pair("deg", 180 / np.pi)
+    assert [p.unit for p in degrees.parameters] == ["rad", "rad/deg"]
+    assert degrees.fit.misclosure_unit == "rad"
+    (offset, gain), (same, own) = plain.parameters, degrees.parameters
+    # the same to the rounding of factors, where a fit ends at a part in 1e9 of its uncertainty
+    assert same.value == pytest.approx(offset.value, abs=1e-6 * offset.sd)
+    assert own.value == pytest.approx(np.deg2rad(gain.value), rel=1e-9)
+    assert abs(same.value - 0.03) < 5 * same.sd
+    assert degrees.fit.rms_misclosure == pytest.approx(plain.fit.rms_misclosure, rel=1e-6)
+
+
 def test_what_is_printed_is_what_was_written() -> None:
     rng = np.random.default_rng(5)
     for _ in range(200):

@@ -42,6 +42,20 @@ def test_a_delay_of_all_is_one_effect_of_its_size(seed: int, delay: float) -> No
     assert found.verdict == "explained"
 
 
+@pytest.mark.parametrize("seed", sized([710], [710, 711, 712]))
+def test_rows_whose_later_instant_was_not_recorded_are_no_effect(seed: int) -> None:
+    """A recording that ends amid a motion: there a line is off by percents, and the noise is 0.3."""
+    rows = recording(seed, Truth(delay=0.14))
+    led = rows["leader_elbow_flex"]
+    bend = np.abs(led[10:] + led[:-10] - 2 * led[5:-5])
+    end = 300 + int(np.argmax(bend[295:])) + 1  # where the elbow's course bends most
+    found = rsicalib.trace({name: column[:end] for name, column in rows.items()}, "so101")
+    assert [(step.term, step.target) for step in found.steps] == [("lag", NAME)]
+    assert is_near(lags(found)[NAME], 0.14)
+    (warning,) = [w for w in found.warnings if w.kind == "beyond_the_end"]
+    assert warning.text.startswith("5 rows are left out")  # 0.14 s at 30 rows a second
+
+
 @pytest.mark.parametrize("seed", sized([704], [704, 705]))
 def test_a_joint_that_is_later_than_the_others_is_named_beside_them(seed: int) -> None:
     found = rsicalib.trace(recording(seed, Truth(delay=0.1, alone=0.06)), "so101")

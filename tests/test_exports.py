@@ -225,6 +225,29 @@ def test_a_follower_gets_the_range_under_which_it_agrees_with_its_leader(tmp_pat
         export_result(found, "lerobot", mechanism, base=str(base))
 
 
+def test_a_follower_in_degrees_gets_the_middle_under_which_it_agrees(tmp_path: Path) -> None:
+    mechanism = rsicalib.load_mechanism(ARMS.replace("percent", "deg").format(name="arms"))
+    parameters = [("gain", np.deg2rad(1.02)), ("offset", np.deg2rad(7.0))]
+    found = result_of(
+        mechanism.to_dict(),
+        [{"term": n, "target": "follower_elbow", "name": n, "value": v} for n, v in parameters],
+    )
+    entry = {"id": 3, "drive_mode": 0, "homing_offset": -12, "range_min": 60, "range_max": 3100}
+    base = tmp_path / "follower.json"
+    base.write_text(json.dumps({"elbow": entry}))
+    files = export_result(found, "lerobot", mechanism, base=str(base))
+    made = json.loads(str(files["follower.json"]))["elbow"]
+
+    def degrees(ticks: np.ndarray, of: dict[str, int]) -> np.ndarray:  # as LeRobot normalises
+        return (ticks - (of["range_min"] + of["range_max"]) / 2) * 360 / 4095
+
+    ticks = np.arange(100, 3000)
+    # two ends that are rounded to whole steps
+    assert np.abs(degrees(ticks, made) - degrees(ticks, entry) - 7.0).max() <= 360 / 4095
+    assert "elbow turns 1.02 degrees for each it reads" in str(files["notes.txt"])
+    assert f"elbow: {60 - 80} to {3100 - 80} is beyond" in str(files["notes.txt"])
+
+
 def test_a_kind_that_does_not_suit_the_mechanism_is_refused(traced: Trace) -> None:
     for to, expected in {
         "maslow": "expected a sled on four belts",

@@ -396,6 +396,21 @@ def test_an_option_that_means_nothing_for_a_log_is_refused(tmp_path: Path) -> No
     assert list(renamed.sessions[0].columns)[2:] == ["left", "right"]
 
 
+def test_a_channel_that_has_the_name_of_its_column_is_said_once(tmp_path: Path) -> None:
+    path = tmp_path / "plot.csv"
+    path.write_text("__time,elbow,wrist,force\n0,1,2,\n0.01,,,5\n0.02,1,3,\n")
+    with pytest.raises(InputError, match=r"elbow,wrist \(2 rows\); force \(1 rows\)"):
+        rsicalib.import_log(path)
+    said = run_text("import", path, "--channels", "q1=elbow,wrist", "--out", tmp_path / "out")
+    assert "columns: time_s, q1, wrist" in said.stdout + said.stderr
+
+
+def test_a_log_of_another_machine_than_the_default_says_so(tmp_path: Path) -> None:
+    path = plotted(tmp_path / "plot.csv", [(0.0, 1.0), (0.02, 2.0)], "__time,elbow")
+    with pytest.raises(InputError, match="the mechanism 'rsi': give yours by --mechanism"):
+        rsicalib.trace(path)
+
+
 def test_what_is_no_log_is_refused_with_those_that_are_known(tmp_path: Path) -> None:
     path = tmp_path / "poem.txt"
     path.write_text("Roses are red\n")

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import rsicalib
 from rsicalib import InputError
-from tests.strangers import Made, bags, datasets, hdf5, klipper, maslow, tables
+from tests.strangers import Made, bags, datasets, hdf5, klipper, maslow, tables, written
 
 GROUPS: dict[str, dict[str, Made]] = {
     "maslow": maslow.FILES,
@@ -22,7 +24,7 @@ GROUPS: dict[str, dict[str, Made]] = {
 ALL = [(group, name) for group, files in GROUPS.items() for name in files]
 
 
-@pytest.mark.parametrize(("group", "name"), ALL, ids=" ".join)
+@pytest.mark.parametrize(("group", "name"), ALL, ids=str)
 def test_a_file_of_a_stranger_is_read_or_refused_with_what_to_do(
     group: str, name: str, tmp_path: Path
 ) -> None:
@@ -98,11 +100,42 @@ def test_mcap_of_other_encodings_has_the_readings_of_the_bag(tmp_path: Path) -> 
     pytest.importorskip("rosbags", reason="the extra ros is not installed")
     (tmp_path / "other").mkdir()
     names = ("MCAP with JSON", "MCAP with messages of ROS 1", "ros2 topic echo", "rostopic echo")
+    names += ("a folder of Foxy, by sqlite3",)
     whole = rsicalib.import_log(bags.mcap(tmp_path / "bag.mcap", bags.STREAM), hold=0).sessions[0]
     for name in names:
         found = rsicalib.import_log(bags.FILES[name][0](tmp_path / "other"), hold=0).sessions[0]
         for column in ("time_s", "elbow", "shoulder", "wrist"):
             assert list(found.columns[column]) == list(whole.columns[column]), name
+
+
+def test_parquet_of_polars_has_its_numbers() -> None:
+    pytest.importorskip("pyarrow", reason="the extra parquet is not installed")
+    log = rsicalib.import_log(written.HERE / "polars.parquet", hold=0)
+    columns = log.sessions[0].columns
+    assert list(columns) == ["time_s", *written.JOINTS]
+    # microseconds, which the file has, in double precision
+    assert np.abs(columns["time_s"] - np.arange(written.ROWS) / 50).max() < 1e-12
+    for name, values in zip(written.JOINTS, written.angles().T, strict=True):
+        assert np.array_equal(columns[name], values)
+
+
+def test_a_data_set_whose_rows_duckdb_wrote_has_its_numbers(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="the extra parquet is not installed")
+    rows = tmp_path / "data" / "chunk-000" / "file-000.parquet"
+    rows.parent.mkdir(parents=True)
+    rows.write_bytes((written.HERE / "duckdb.parquet").read_bytes())
+    feature = {"dtype": "float32", "shape": [3], "names": [f"{j}.pos" for j in written.JOINTS]}
+    about = {"codebase_version": "v3.0", "fps": 30, "total_episodes": 2}
+    about |= {"features": {"action": feature, "observation.state": feature}}
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "meta" / "info.json").write_text(json.dumps(about))
+    log = rsicalib.import_log(tmp_path)
+    assert [len(session) for session in log.sessions] == [20, 20]
+    for side, arm in enumerate(("leader", "follower")):
+        for name, values in zip(written.JOINTS, written.percents(side).T, strict=True):
+            read = [session.columns[f"{arm}_{name}"] for session in log.sessions]
+            # single precision as its shortest decimals
+            assert np.abs(np.concatenate(read) - values).max() < 1e-5
 
 
 MACHINES = {

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import sqlite3
+import struct
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +62,74 @@ def coded(message: dict[str, Any]) -> bytes:
     head = types["std_msgs/msg/Header"](seq=0, stamp=stamp, frame_id="")
     arrays = [np.array(message[key], float) for key in ("position", "velocity", "effort")]
     return bytes(store.serialize_ros1(types[KIND](head, message["name"], *arrays), KIND))
+
+
+def cdr(message: dict[str, Any]) -> bytes:
+    """A joint state as middleware sends it: each number at a multiple of its size."""
+    out = bytearray()
+
+    def put(form: str, *values: Any) -> None:
+        out.extend(bytes(-len(out) % struct.calcsize(form[-1])) + struct.pack(f"<{form}", *values))
+
+    def text(value: str) -> None:
+        data = value.encode() + b"\0"
+        put("I", len(data))
+        out.extend(data)
+
+    stamp = message["header"]["stamp"]
+    put("i", stamp["sec"])
+    put("I", stamp["nanosec"])
+    text(message["header"]["frame_id"])
+    put("I", len(message["name"]))
+    for name in message["name"]:
+        text(name)
+    for key in ("position", "velocity", "effort"):
+        values = message[key]
+        put("I", len(values))
+        if values:
+            put(f"{len(values)}d", *values)
+    return b"\0\1\0\0" + bytes(out)
+
+
+TABLES = """
+CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,
+  serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL);
+CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL,
+  timestamp INTEGER NOT NULL, data BLOB NOT NULL);
+INSERT INTO topics VALUES(1, '/joint_states', 'sensor_msgs/msg/JointState', 'cdr', '');
+INSERT INTO topics VALUES(2, '/gripper', 'maker_msgs/msg/Grip', 'cdr', '');
+"""
+
+
+def db3(folder: Path) -> Path:
+    """What a recorder of Foxy leaves, by sqlite3 alone: with a topic whose type nobody has."""
+    root = folder / "run"
+    root.mkdir()
+    topics = ""
+    for name, kind, count in (
+        ("/joint_states", "sensor_msgs/msg/JointState", len(STREAM)),
+        ("/gripper", "maker_msgs/msg/Grip", 1),
+    ):
+        topics += (
+            f"    - topic_metadata:\n        name: {name}\n        type: {kind}\n"
+            '        serialization_format: cdr\n        offered_qos_profiles: ""\n'
+            f"      message_count: {count}\n"
+        )
+    first, last = STREAM[0][2], STREAM[-1][2]
+    (root / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information:\n  version: 4\n  storage_identifier: sqlite3\n"
+        "  relative_file_paths:\n    - run_0.db3\n"
+        f"  duration:\n    nanoseconds: {last - first}\n"
+        f"  starting_time:\n    nanoseconds_since_epoch: {first}\n"
+        f"  message_count: {len(STREAM) + 1}\n  topics_with_message_count:\n{topics}"
+        '  compression_format: ""\n  compression_mode: ""\n'
+    )
+    rows = [(1, time, cdr(message)) for *_, time, message in STREAM]
+    with closing(sqlite3.connect(root / "run_0.db3")) as base, base:
+        base.executescript(TABLES)
+        words = "INSERT INTO messages(topic_id, timestamp, data) VALUES(?, ?, ?)"
+        base.executemany(words, [*rows, (2, first, b"\0\1\0\0grip")])
+    return root
 
 
 def part(number: int, message: dict[str, Any]) -> dict[str, Any]:
@@ -148,9 +219,16 @@ FILES: dict[str, Made] = {
     ),
     "MCAP cut short": (cut, {}, "mcap recover IN -o OUT"),
     "a bag of ROS 1": (lambda f: ros1(f / "run.bag", STREAM), {"hold": 0}, (100, "elbow")),
+    "a folder of Foxy, by sqlite3": (db3, {"hold": 0}, (100, "elbow")),
+    "its file alone": (lambda f: db3(f) / "run_0.db3", {"hold": 0}, (100, "wrist")),
     "a folder without metadata": (folder_of_a_killed_recorder, {}, "ros2 bag reindex FOLDER"),
     "ros2 topic echo": (text("echo.txt", echoed()), {"hold": 0}, (100, "shoulder")),
     "rostopic echo": (text("echo.txt", echoed(old=True)), {"hold": 0}, (100, "shoulder")),
     "ros2 topic echo, stopped in a message": (text("echo.txt", CUT_TEXT), {}, "delete its lines"),
+    "JSON with a key for each joint": (
+        text("states.jsonl", '{"t": 0.0, "elbow": 1.5}\n{"t": 0.02, "elbow": 1.6}\n'),
+        {},
+        "no joint states, which have lists `name` and `position`: save it as CSV",
+    ),
     "JSON, an object a line": (text("states.jsonl", LINES), {"hold": 0}, (100, "wrist")),
 }

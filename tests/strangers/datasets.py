@@ -97,7 +97,7 @@ FILES: dict[str, Made] = {
     "an episode that was not fetched": (
         whole("v2.1", lambda root: rows(root)[1].unlink()),
         {},
-        "read the episodes that there are by --episodes",
+        "read the episodes that there are by rsicalib import --episodes",
     ),
     "no files at all": (
         whole("v3.0", lambda root: rows(root)[0].unlink()),

@@ -65,6 +65,14 @@ def parquet(folder: Path) -> Path:
     return folder
 
 
+def partitions(folder: Path) -> Path:
+    """A folder for each day, as data lakes have them."""
+    for day in ("a", "b"):
+        (folder / f"day={day}").mkdir()
+        parquet(folder / f"day={day}")
+    return folder
+
+
 def part_of_a_data_set(folder: Path) -> Path:
     """One file of a data set of LeRobot."""
     from tests.test_imports_robots import FORMS, dataset
@@ -105,6 +113,18 @@ FILES: dict[str, Made] = {
         "line 11, column 4 (beyond the last): found 4 cells",
     ),
     "a folder of Parquet": (parquet, {"hold": 0}, (9, "q1")),
+    "a folder of Parquet for each day": (partitions, {"hold": 0}, (9, "q1")),
+    "a data frame with its index": (
+        text(
+            "frame.csv",
+            "\n".join(
+                ",".join(c)
+                for c in zip(["", *map(str, range(100))], table().splitlines(), strict=False)
+            ),
+        ),
+        {},
+        (60, "wrist"),
+    ),
     "a file out of a data set": (part_of_a_data_set, {}, "a part of a LeRobot data set"),
     "an array of NumPy": (
         text("q.npy", b"\x93NUMPY\x01\x00v\x00{'descr': '<f8'}"),

@@ -109,6 +109,11 @@ def _pairs(text: str) -> dict[str, str]:
     return found
 
 
+def _channels(text: str) -> dict[str, str]:
+    """Names in a log by channels; a name alone is both."""
+    return _pairs(",".join(n if "=" in n else f"{n}={n}" for n in _names(text)))
+
+
 def _numbers(text: str) -> list[int]:
     try:
         return [int(name) for name in _names(text)]
@@ -418,7 +423,7 @@ def make_parser() -> argparse.ArgumentParser:
     words = "whose channels are taken; where its chains are URDF, by the names of their joints"
     sub.add_argument("--mechanism", metavar="NAME|FILE", help=words)
     words = "name in the log of each channel: q1=panda_joint1,…"
-    sub.add_argument("--channels", metavar="CHANNEL=NAME,…", type=_pairs, help=words)
+    sub.add_argument("--channels", metavar="CHANNEL=NAME,…", type=_channels, help=words)
     sub.add_argument("--topic", metavar="TOPIC", help="of ROS: where the joint states are")
     words = "of ROS: only rows under a condition, '/wrench.force.z>2'"
     sub.add_argument("--when", metavar="CONDITION", help=words)

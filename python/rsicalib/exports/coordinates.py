@@ -96,7 +96,7 @@ def _joints(mechanism: Mechanism) -> Mechanism:
 def _turning(mechanism: Mechanism) -> dict[str, bool]:
     """Whether each channel is of an angle, by its name: terms of a turn suit no others."""
     units = unit_of(mechanism)
-    return {c.name: units[c.name] in ("rad", "deg") for c in mechanism.channels}
+    return {c.name: units[c.name] == "rad" for c in mechanism.channels}
 
 
 def sensor_terms(mechanism: Mechanism, result: Result) -> set[str]:
@@ -117,13 +117,16 @@ def without_place(mechanism: Mechanism, result: Result, notes: Collection[Noted]
 
 
 def unit_of(mechanism: Mechanism) -> dict[str, str]:
-    """Unit of each channel's coordinate: `rad`, or the length unit where its joint slides."""
+    """Unit of each channel's coordinate: `rad`, or the length unit where its joint slides.
+
+    A channel of no joint has its own; degrees are kept in radians.
+    """
     document: dict[str, Any] = mechanism.to_dict()
     rows = [row for chain in document.get("chain", []) for row in chain.get("dh", [])]
     slides = {row.get("channel") for row in rows if row.get("joint") == "prismatic"}
     on = {row.get("channel") for row in rows}
     length = str(document["length_unit"])
     return {
-        c.name: length if c.name in slides else "rad" if c.name in on else c.unit
+        c.name: length if c.name in slides else "rad" if c.name in on or c.unit == "deg" else c.unit
         for c in mechanism.channels
     }

@@ -38,6 +38,7 @@ WarnedKind: TypeAlias = Literal[
     "open_loops",
     "edited",
     "as_drawn",
+    "beyond_the_end",
     "known_poses",
     "absurd_noise",
     "absurd_misclosure",

@@ -55,7 +55,10 @@ def read(source: str, asked: Asked) -> Log:
     told = Teleop(source, joints, recordings, asked.rate, {})
     sessions, mechanism, findings = told.sessions(asked)
     if asked.rate is None:
-        findings.append("the file has no times: say how many rows there are in a second by --rate")
+        findings.append(
+            "the file has no times, without which no delay is looked for: say how many rows there "
+            "are in a second by rsicalib import --rate HZ"
+        )
     return Log(
         source,
         "HDF5 of the shape of ALOHA",

@@ -73,7 +73,7 @@ def chosen(
             if what == "column" and len(known) == 1:
                 hint += " Commas, semicolons or tabs stand between cells: other marks part nothing."
             else:
-                hint += " Say which is which by --channels CHANNEL=NAME,…"
+                hint += " Say which is which by rsicalib import --channels CHANNEL=NAME,…"
             expected = f"one {what} for the channel {channel!r}"
             raise InputError.at(
                 source, column=name, found=found, expected=expected, hint=hint, column_word=what

@@ -21,10 +21,13 @@ from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.log import Log
 from rsicalib.imports.series import in_columns
 from rsicalib.imports.stretches import Recording, session_of
-from rsicalib.imports.times import seconds, time_column
 from rsicalib.io.tables import PARQUET, Table, is_blank, numbers, quoted, read_table, text
+from rsicalib.io.times import seconds, time_column
 
 __all__ = ["read", "whole_rows"]
+
+MOST_SAID = 3
+"""Groups of channels that a message names."""
 
 
 def read(source: str, asked: Asked) -> Log:
@@ -96,8 +99,15 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
     channels = asked.channels
     if channels is None:
         held = [k != place and _numeric(table, k) for k in range(len(table.names))]
-        channels = {n: n for n, one in zip(table.names, held, strict=True) if one}
+        counts = [one and _counts_rows(table.numbers(k)) for k, one in enumerate(held)]
+        if counts == held:  # nothing else is there
+            counts = [False] * len(held)
+        taken = [one and not counter for one, counter in zip(held, counts, strict=True)]
+        channels = {n: n for n, one in zip(table.names, taken, strict=True) if one}
+        counters = [n or "(no name)" for n, one in zip(table.names, counts, strict=True) if one]
         bare = [n for k, n in enumerate(table.names) if k != place and not held[k]]
+        if counters:
+            notes.append(f"columns that count the rows are not taken: {', '.join(counters)[:200]}")
         if bare:
             notes.append(f"columns without numbers are not taken: {', '.join(bare)[:200]}")
     places = chosen(channels, table.names, table.source)
@@ -137,7 +147,7 @@ def _refuse_timeless(recording: Recording, table: Table, asked: Asked) -> None:
     if recording.time_s is not None or asked.rate is not None or asked.hold == 0.0:
         return
     hint = f"Those of the log: {', '.join(table.names)[:300]}. Name one so, or say how many rows "
-    hint += "there are in a second by --rate HZ, or take the recording as it is by --hold 0."
+    hint += "there are in a second by rsicalib import --rate HZ, or take all by --hold 0."
     expected = "one called time, timestamp or t, with its unit or without (time_ms)"
     raise InputError.at(table.source, found="no column of times", expected=expected, hint=hint)
 
@@ -146,6 +156,11 @@ def _numeric(table: Table, place: int) -> bool:
     """Whether a column holds numbers; blanks are no others."""
     cells: Sequence[Any] = [c for c in table.columns[place] if not is_blank(c)]
     return bool(len(cells)) and bool(np.isfinite(table.numbers(place)).any())
+
+
+def _counts_rows(values: FloatArray) -> bool:
+    """Whether a column grows by one from row to row, and by nothing else: no joint does."""
+    return len(values) > 2 and bool(np.all(np.diff(values) == 1.0))
 
 
 def _cells(table: Table, place: int, keep: np.ndarray) -> FloatArray:
@@ -166,6 +181,16 @@ def _cells(table: Table, place: int, keep: np.ndarray) -> FloatArray:
             line_word=table.line_word,
         )
     return values
+
+
+def _together(there: np.ndarray, names: Sequence[str]) -> str:
+    """Channels that have readings in the same rows, those of most rows first."""
+    patterns, rows = np.unique(there, axis=0, return_counts=True)
+    said = [
+        ",".join(n for n, one in zip(names, patterns[k], strict=True) if one) + f" ({rows[k]} rows)"
+        for k in np.argsort(-rows, kind="stable")[:MOST_SAID].tolist()
+    ]
+    return "; ".join(said)[:300]
 
 
 def whole_rows(
@@ -209,7 +234,8 @@ def whole_rows(
         some = bool((count == len(names)).any())
         out = "leave them out by --skip-bad-rows, or " if some else "and none is whole: "
         hint = f"{part.size} such rows{': ' if some else ', '}{out}name the "
-        hint += "channels that belong together by --channels."
+        hint += "channels that belong together by rsicalib import --channels: "
+        hint += f"{_together(there[part], names)}."
         raise InputError.at(
             source,
             line=int(lines[row]),

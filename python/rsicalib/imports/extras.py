@@ -28,6 +28,7 @@ STANDS_FOR = {
     b"\x28\xb5\x2f\xfd": f"It is packed (zstd): {UNPACK}",
     b"7z\xbc\xaf": f"It is packed (7z): {UNPACK}",
     b"\x93NUMPY": f"It is an array of NumPy, without names: {AS_CSV}",
+    b"{": f"It is JSON, but no joint states, which have lists `name` and `position`: {AS_CSV}",
     b"MATLAB": f"It is of MATLAB: {AS_CSV}",
 }
 """What to do with files that begin so: they hold another file, or no names."""

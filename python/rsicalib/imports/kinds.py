@@ -59,7 +59,7 @@ DEPTH = 4
 def _columns(path: Path, head: bytes) -> bool:
     """Whether a plotting program wrote a table, or a folder is one of Parquet files."""
     if os.path.isdir(path):
-        return any(file.suffix.lower() in PARQUET for file in path.iterdir())
+        return any(file.suffix.lower() in PARQUET for file in path.rglob("*"))
     return bool(PLOTTED.match(head))
 
 

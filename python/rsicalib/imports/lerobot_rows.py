@@ -82,7 +82,7 @@ def _files(root: Path, info: dict[str, Any], wanted: Sequence[int]) -> list[Path
 def _table(file: Path, keys: Sequence[str]) -> Any:
     """The columns of a file."""
     if not file.is_file():
-        hint = "Fetch it, or read the episodes that there are by --episodes N,…"
+        hint = "Fetch it, or read the episodes that there are by rsicalib import --episodes N,…"
         expected = "rows of the data set"
         raise InputError.at(str(file), found="no such file", expected=expected, hint=hint)
     parquet = needed("pyarrow.parquet", str(file), "a LeRobot data set")

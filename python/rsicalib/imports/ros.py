@@ -91,7 +91,7 @@ def _topic(bag: Bag, asked: str | None, source: str) -> str:
     states = [name for name in known if not _is_command(name)] or known
     if len(states) != 1:
         found = f"{len(states)} topics with joint states" if states else "no joint states"
-        hint = f"Say which by --topic: {', '.join(states)}." if states else ""
+        hint = f"Say which by rsicalib import --topic: {', '.join(states)}." if states else ""
         all_topics = ", ".join(f"{name} ({kind})" for name, kind in bag.topics.items())
         hint = hint or f"Its topics: {all_topics[:300]}."
         raise InputError.at(source, found=found, expected=f"one topic of {STATE}", hint=hint)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from rsicalib.errors import InputError
-from rsicalib.imports.times import seconds
 from rsicalib.io.tables import Table, is_blank, quoted
+from rsicalib.io.times import seconds
 
 __all__ = ["in_columns"]
 

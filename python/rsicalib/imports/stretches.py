@@ -98,7 +98,7 @@ def session_of(
     notes = [] if time is None else _told(recording, time)
     if hold == 0.0:
         return _rows(recording, time, inside, None, asked), notes
-    hint = "Say it by --rate HZ, or take the recording as it is by --hold 0."
+    hint = "Say it by rsicalib import --rate HZ, or take all by --hold 0."
     if time is None:
         found, expected = "no times", "times, or how many rows there are in a second"
         raise InputError.at(source, found=found, expected=expected, hint=hint)
@@ -110,11 +110,13 @@ def session_of(
     stretches = still_stretches(recording.values, time, hold, inside)
     rule = f"still for {hold:g} s or more, each channel in its own noise"
     if not stretches:
-        said = f"no stretch is {rule}: taken as a recording (--hold says another time)"
+        said = (
+            f"no stretch is {rule}: taken as a recording (rsicalib import --hold says another time)"
+        )
         if hold < apart < np.inf:
             said = f"rows are {apart:g} s apart, more than the {hold:g} s of a held pose: taken as "
             said += "a recording; where the time is not in seconds, let its name end with its unit "
-            said += "(time_ms), or say --rate HZ"
+            said += "(time_ms), or say rsicalib import --rate HZ"
         return _rows(recording, time, inside, None, asked), [*notes, said]
     pose = np.zeros(len(time), dtype=np.int64)
     for number, (start, end) in enumerate(stretches, 1):

@@ -179,7 +179,7 @@ class Teleop:
         time = "" if self.rate is None else f" ({rows / self.rate:.2g} s)"
         return [
             f"the follower is {rows} rows{time} behind the leader: trace names the delay where "
-            "rows have times; --hold 0.5 takes the stretches in which both are still instead"
+            "rows have times; rsicalib import --hold 0.5 takes stretches in which both are still"
         ]
 
     def _mechanism(self, unit: str, steps: Mapping[str, int]) -> str:

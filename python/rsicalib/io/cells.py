@@ -18,6 +18,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.warned import Warned
 from rsicalib.io.tables import Table, is_blank, numbers, quoted, text
+from rsicalib.io.times import time_column
 from rsicalib.plain_text import meant
 
 __all__ = [
@@ -34,11 +35,12 @@ __all__ = [
 
 POSE = ("x", "y", "z", "rx", "ry", "rz")
 TEXTS = ("group", "at")
+TIME = "time_s"
 COLUMNS = {
     "pose": "Label of a held pose, a whole number; its rows are neighbours. Without this column "
     "every row is a pose of its own: a recording, or poses that were read once each.",
     "sample": "Number of the sample within its pose, a whole number; for messages.",
-    "time_s": "Time [s]. Without it, drift and slips are no candidates of a trace.",
+    TIME: "Time [s]. Without it, drift and slips are no candidates of a trace.",
     "temperature_c": "Temperature [°C]. Without it, effects of temperature are no candidates.",
     "group": "Text: the placement, or whatever `--fit-groups` chooses from.",
     "at": "Text: which unknown point is touched.",
@@ -151,6 +153,12 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
     extra = [name or "(no name)" for name in table.names if name not in used]
     listed = ", ".join(dict.fromkeys(extra))
     text = f"{table.source}: ignored columns: {listed}"
+    time = time_column(extra) if TIME not in index else None
+    if time is not None:
+        text += (
+            f". {extra[time]!r} looks like a time, which is called {TIME!r} here: rsicalib import "
+            f"reads it, and without it nothing is known of motion or order"
+        )
     warnings = [Warned("ignored_columns", None, text)] if extra else []
     return {name: position for name, position in index.items() if name in used}, warnings
 
@@ -279,7 +287,7 @@ def _unusable(
         return bad | ~(values > 0.0), "a distance above zero"
     if name in ("pose", "sample"):
         return ~((values == np.rint(values)) & (np.abs(values) < EXACT)), "an integer"
-    if name == "time_s":
+    if name == TIME:
         return bad, f"{expected} (seconds)"
     return bad, expected
 

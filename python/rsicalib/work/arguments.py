@@ -177,11 +177,16 @@ def _log(readings: object, mechanism: MechanismArg, skip: bool) -> Log | None:
         return readings
     if not isinstance(readings, str | os.PathLike) or format_of(readings) is None:
         return None
-    if _default(mechanism):
-        log = import_log(readings, skip_bad_rows=skip)
-        if log.mechanism is not None:
-            return log
-    return import_log(readings, mechanism=mechanism, skip_bad_rows=skip)
+    if not _default(mechanism):
+        return import_log(readings, mechanism=mechanism, skip_bad_rows=skip)
+    log = import_log(readings, skip_bad_rows=skip)
+    if log.mechanism is not None:
+        return log
+    try:
+        return import_log(readings, mechanism=mechanism, skip_bad_rows=skip)
+    except InputError as error:  # what was recorded is of another machine
+        hint = f"This is the mechanism {DEFAULT!r}: give yours by --mechanism."
+        raise InputError(f"{error.message} {hint}", error.where) from None
 
 
 def load(readings: ReadingsArg, mechanism: Any, skip: bool) -> Readings:

@@ -54,11 +54,13 @@ pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
         if !traced.excluded.is_empty() {
             let mut instances = all.model.instances.clone();
             instances.extend_from_slice(&data);
-            let left = fit(&traced.observations, instances, Some(&clean))?;
-            let (observations, excluded) = (traced.observations, traced.excluded);
+            let (mut used, excluded) = (traced.observations, traced.excluded);
+            // A delay is no part of this model.
+            traced.unread.iter().for_each(|&row| used.weights[row] = observations.weights[row]);
+            let left = fit(&used, instances, Some(&clean))?;
             return Ok(Calibrated {
-                fit: with_groups(converter::seen_by(&all, left), &observations),
-                observations,
+                fit: with_groups(converter::seen_by(&all, left), &used),
+                observations: used,
                 excluded,
                 with: Some(all),
             });

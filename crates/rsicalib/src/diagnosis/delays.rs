@@ -83,6 +83,18 @@ pub(crate) fn delays(
     Ok((!kept.is_empty()).then_some(Delays { found: kept, fit: here }))
 }
 
+/// Rows that count and that a fit's delays put at an instant beyond an end of the recording, or in a pause: what
+/// belongs to them was not read, and the line that stands in its place would be an effect of its own.
+pub(crate) fn beyond(observations: &Observations, fit: &Fit) -> Vec<usize> {
+    let Observations { readings, weights, .. } = observations;
+    let of = |channel: usize| fit.model.delays(&fit.beta, channel, 0)[1];
+    let ends = (0..readings.channels).map(of).fold([0.0_f64; 2], |[a, b], d| [a.min(d), b.max(d)]);
+    let lost = |row: &usize| {
+        weights[*row] > 0.0 && ends.iter().any(|d| *d != 0.0 && !readings.goes_on(*row, *d))
+    };
+    (0..readings.samples).filter(lost).collect()
+}
+
 /// `Σ n_k ln Σ e²` of (167), in units of the noise of another fit.
 fn changes(observations: &Observations, fit: &Fit, noise_of: &Fit) -> f64 {
     let Observations { readings, weights, .. } = observations;

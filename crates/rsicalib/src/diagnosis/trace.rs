@@ -12,7 +12,7 @@ use std::sync::Arc;
 use crate::Error;
 use crate::diagnosis::as_drawn::{likelier, without_offsets};
 use crate::diagnosis::averaged::Averaged;
-use crate::diagnosis::delays::{Delays, delays};
+use crate::diagnosis::delays::{Delays, beyond, delays};
 use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::long::{Search, rise, search_long};
 use crate::diagnosis::plausibility::absurdities;
@@ -96,6 +96,8 @@ pub struct Traced {
     pub isolated: Option<Isolated>,
     /// A law that no term has, where it is about as likely as what was found, or something is left.
     pub unknown: Option<UnknownLaw>,
+    /// Rows that what is late puts at an instant that was not recorded: they are left out.
+    pub unread: Vec<usize>,
     /// Offsets that were asked for and stay as drawn: an error of a surface explains as much.
     pub offsets: Vec<Instance>,
     /// How scores were judged.
@@ -138,6 +140,25 @@ impl Traced {
 pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Traced, Error> {
     search.check()?;
     let (traced, lost) = explain(observations, search, Scope::All)?;
+    let unread = if lost { Vec::new() } else { beyond(observations, &traced.after) };
+    if !unread.is_empty() {
+        let mut rest = observations.clone();
+        unread.iter().for_each(|row| rest.weights[*row] = 0.0);
+        // With what is left of short recordings nothing may be determined.
+        if let Ok((again, false)) = explain(&rest, search, Scope::All) {
+            return within_reason(Traced { unread, ..again }, false, &rest, search);
+        }
+    }
+    within_reason(traced, lost, observations, search)
+}
+
+/// What was found, or what is left to be said of readings that are not of this mechanism.
+fn within_reason(
+    traced: Traced,
+    lost: bool,
+    observations: &Observations,
+    search: &SearchOptions,
+) -> Result<Traced, Error> {
     // Readings that are not of this mechanism: what seems to explain them means nothing.
     let effects: Vec<Instance> = traced.found.iter().map(|found| found.instance).collect();
     let absurd =
@@ -148,7 +169,8 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
         false if !effects.is_empty() && absurd(&[]) => Scope::Screened,
         _ => return Ok(traced),
     };
-    Ok(explain(observations, search, wanted)?.0)
+    let unread = traced.unread;
+    Ok(Traced { unread, ..explain(observations, search, wanted)?.0 })
 }
 
 /// What is wanted of a session beside its fit.
@@ -287,6 +309,7 @@ fn explain(
         rivals,
         isolated,
         unknown,
+        unread: Vec::new(),
         offsets,
         judge,
         p_value,

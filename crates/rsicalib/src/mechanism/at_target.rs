@@ -32,13 +32,18 @@ impl Mechanism {
             && self.channels_at(target).into_iter().all(|c| self.slides(c))
     }
 
-    /// The unit of the coordinates of a target's joints: the unit of length where they slide.
+    /// The unit of the coordinates of a target's joints: the unit of length where they slide. A
+    /// channel of no joint has its own, but for degrees, which are kept in radians.
     #[doc(hidden)]
     #[must_use]
     pub fn coordinate_unit(&self, target: Target) -> &str {
         match target {
             Target::Channel(c) if c < self.channels.len() && !self.moves_joint(c) => {
-                if self.measures(c) { &self.length_unit } else { &self.channels[c].unit }
+                match &self.channels[c] {
+                    _ if self.measures(c) => &self.length_unit,
+                    channel if channel.is_in_degrees() => "rad",
+                    channel => &channel.unit,
+                }
             }
             _ if self.slides_at(target) => &self.length_unit,
             _ => "rad",

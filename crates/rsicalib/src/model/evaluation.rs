@@ -221,7 +221,7 @@ impl Model {
     }
 
     /// The delays of a channel by the terms before the one with this parameter, and by all.
-    fn delays(&self, beta: &[f64], channel: usize, before: usize) -> [f64; 2] {
+    pub(crate) fn delays(&self, beta: &[f64], channel: usize, before: usize) -> [f64; 2] {
         let own = self.electronics.iter().filter(|e| e.channel == channel && e.term.is_delay());
         own.fold([0.0; 2], |[sum, all], e| {
             let lag = beta[e.first];

@@ -77,6 +77,13 @@ impl Courses {
         courses
     }
 
+    /// True where rows of the same run were read before and after an instant.
+    pub fn has(&self, table: &Table, row: usize, later: f64) -> bool {
+        let Some(time) = &table.time else { return false };
+        let [start, end] = self.run[row].map(|row| row as usize);
+        (time[start]..=time[end - 1]).contains(&(time[row] + later))
+    }
+
     fn change(&self, table: &Table, row: usize, channel: usize, later: f64) -> [f64; 2] {
         let Some(time) = &table.time else { return [0.0; 2] };
         let own = self.parabola(table, time, row, channel, self.reach[channel]);

@@ -499,6 +499,12 @@ impl Readings {
         Some(CourseAt { table, courses, channels: *channels, rows })
     }
 
+    /// True where the recording goes on to an instant so much later than a row; true without a clock.
+    pub(crate) fn goes_on(&self, row: usize, later: f64) -> bool {
+        let new = || Courses::of(&self.table, self.channels);
+        !self.timed || self.held || self.courses.get_or_init(new).has(&self.table, row, later)
+    }
+
     /// The directions and these velocities, row by row, one per channel, in blocks.
     fn laid_out(&self, velocity: &[f64]) -> Motion {
         let (sides, channels) = (self.sides(), self.channels);

@@ -455,6 +455,7 @@ pub fn traced(
         warnings: warned::warnings(observations, &traced.before, &traced.after)
             .into_iter()
             .chain(warned::as_drawn(&traced))
+            .chain(warned::unread(&traced))
             .chain(warned::known_poses(observations, after.aligned.or(after.check)))
             .chain(open_loops.map(|open| warned::open_loops(&observations.mechanism, &open)))
             .collect(),

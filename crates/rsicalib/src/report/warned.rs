@@ -126,6 +126,8 @@ pub enum Kind {
     Edited,
     /// Offsets that were asked for stay as drawn.
     AsDrawn,
+    /// Rows are left out, since a delay puts them beyond the end of the recording.
+    BeyondTheEnd,
     /// Known poses look like another unit, or another order.
     KnownPoses,
     /// Noise of channels that is absurd beside what they can read.
@@ -198,6 +200,13 @@ pub fn as_drawn(traced: &Traced) -> Option<Warned> {
     let text = words::as_drawn(&names, [&traced.before, &traced.after]);
     let target = Some(names.join("+"));
     (!names.is_empty()).then_some(Warned { kind: Kind::AsDrawn, target, text })
+}
+
+/// That rows are left out whose later instant was not recorded; none where none is.
+#[must_use]
+pub fn unread(traced: &Traced) -> Option<Warned> {
+    let text = words::unread(traced.unread.len());
+    (!traced.unread.is_empty()).then_some(Warned { kind: Kind::BeyondTheEnd, target: None, text })
 }
 
 /// How known poses were misread; none where they were not.

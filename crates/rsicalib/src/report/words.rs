@@ -97,6 +97,16 @@ pub fn as_drawn(names: &[String], fits: [&Fit; 2]) -> String {
     )
 }
 
+/// Rows that are left out, since a delay puts them beyond an end of the recording.
+#[must_use]
+pub fn unread(rows: usize) -> String {
+    let (are, them) = if rows == 1 { ("row is", "it") } else { ("rows are", "them") };
+    format!(
+        "{rows} {are} left out: with the delay that was found, what belongs to {them} is beyond an end \
+         of the recording, or in a pause of it"
+    )
+}
+
 /// That the loops of some readings do not close under a result as in its own session. `edited`: whether its
 /// numbers were edited, where that is known.
 #[must_use]

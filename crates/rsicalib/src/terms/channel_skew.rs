@@ -1,5 +1,7 @@
 //! [`ChannelSkew`].
 
+use crate::closures::ClosureKind;
+use crate::mechanism::{Closure, Mechanism, Target};
 use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Electronics, Info, Site, Term};
 
@@ -20,6 +22,18 @@ impl Term for ChannelSkew {
 
     fn acts(&self) -> Acts {
         Acts::Electronics(&Self)
+    }
+
+    /// Not where it is a delay of one side: of pairs that are to be equal, all equally far apart.
+    fn suits_target(&self, mechanism: &Mechanism, _target: Target) -> bool {
+        let number = |name: &String| mechanism.channel_index(name).ok();
+        let apart = |c: &Closure| match c.kind {
+            ClosureKind::Equal => Some(number(&c.between[1])?.wrapping_sub(number(&c.between[0])?)),
+            _ => None,
+        };
+        let mut all = mechanism.closures.iter().map(apart);
+        let first = all.next().flatten();
+        first.is_none() || all.any(|other| other != first)
     }
 }
 

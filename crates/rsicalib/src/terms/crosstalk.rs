@@ -31,8 +31,12 @@ impl Term for Crosstalk {
         // An encoder does not share a converter with a potentiometer.
         let unit = |c: usize| mechanism.channels.get(c).map(|c| &c.unit);
         let beside = [channel.wrapping_sub(1), channel + 1].into_iter();
-        // Where bars turn a joint with another one, an error of their ratio reads like crosstalk.
-        let apart = |c: usize| !mechanism.drives(c, channel) && !mechanism.drives(channel, c);
+        // Where bars turn a joint with another one, an error of their ratio reads like crosstalk; of two channels
+        // that are to be equal, as of a leader and its follower, a gain does, and a delay that is not sharp.
+        let apart = |c: usize| {
+            let bars = mechanism.drives(c, channel) || mechanism.drives(channel, c);
+            !bars && !mechanism.are_equal(c, channel)
+        };
         beside.filter(|&c| unit(c).is_some() && unit(c) == unit(channel) && apart(c)).collect()
     }
 }

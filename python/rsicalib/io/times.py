@@ -13,7 +13,18 @@ from rsicalib.arrays import FloatArray
 __all__ = ["NAMES", "seconds", "time_column"]
 
 NAMES = (
-    *("time_s", "__time", "time", "timestamp", "stamp", "receive_time", "log_time", "%time", "t"),
+    *(
+        "time_s",
+        "__time",
+        "time",
+        "timestamp",
+        "stamp",
+        "receive_time",
+        "log_time",
+        "%time",
+        "ts",
+        "t",
+    ),
     *("header.stamp", "receive time", "elapsed time"),
 )
 """What a column of times is called, with the unit behind it or not."""
