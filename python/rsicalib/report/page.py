@@ -229,7 +229,7 @@ def table(
 
 def _number(cell: str) -> str:
     """A cell with numbers: where it is too wide, a line begins with what is between two of them."""
-    return re.sub("([±…]) ", "\\1\u00a0", escape(cell))
+    return re.sub("(?<=[±…]) | (?=%)", "\u00a0", escape(cell))
 
 
 def section(title: str, *parts: str) -> str:

@@ -267,9 +267,7 @@ def _past(one: Past) -> str:
 
 
 def _cells(one: Series) -> list[str]:
-    name = f"{one.term}@{one.target}"
-    if one.name != one.term:
-        name += f" {one.name}"
+    name = axis_words(one.key, one.unit)
     value, half = plus_minus(one.values[-1], 1.96 * one.sd[-1])
     rate, rate_half = "-", "-"
     if one.rate is not None and one.rate_sd is not None:
