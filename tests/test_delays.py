@@ -44,7 +44,7 @@ def test_a_delay_of_all_is_one_effect_of_its_size(seed: int, delay: float) -> No
 
 @pytest.mark.parametrize("seed", sized([710], [710, 711, 712]))
 def test_rows_whose_later_instant_was_not_recorded_are_no_effect(seed: int) -> None:
-    """A recording that ends amid a motion: a line is off by percents there, the noise by 0.3."""
+    """A recording that ends amid a motion: a line is off by percents, and the noise is 0.3."""
     rows = recording(seed, Truth(delay=0.14))
     led = rows["leader_elbow_flex"]
     bend = np.abs(led[10:] + led[:-10] - 2 * led[5:-5])
