@@ -209,11 +209,10 @@ def _found(result: TraceShape, look: Look) -> list[str]:
     for step in result.steps if look.whole else result.steps[:4]:
         where = labelled(target_words("", step.target), step.label)
         line = f"  found     {name_of(step.term)} of {where}: {size_words(step)}"
-        if step.platform_rms is not None:
-            rms = step.platform_rms
+        rms = step.platform_rms
+        if rms is not None and rms.orientation is not None:
             cost = f"{number(rms.position, 2)} {result.length_unit}"
-            turned = "" if rms.orientation is None else f", {number(rms.orientation, 2)} rad"
-            extra = f"; {'platform' if turned else 'it moves points by'} {cost}{turned}"
+            extra = f"; platform {cost}, {number(rms.orientation, 2)} rad"
             line += extra if look.whole or len(line) + len(extra) <= max(look.width, WIDTH) else ""
         lines += _cut(line, look)
         if not step.applied:
