@@ -159,7 +159,9 @@ impl Error {
 /// What tells the parameters that so many equations do not.
 fn more(equations: usize) -> &'static str {
     match equations {
-        0 => "a pose has as many unknowns as its closures have equations: read one more joint or length",
+        0 => {
+            "a pose has as many unknowns as its closures have equations: read one more joint or length"
+        }
         _ => "record more poses",
     }
 }
