@@ -45,13 +45,23 @@ environment() {
     fi
 }
 
-# setup [EXTRAS]: the package, and what these extras of pyproject.toml ask for, separated by commas.
+# builder: the tool that builds the package.
+builder() {
+    pip_install "maturin>=1.9,<2"
+}
+
+# packages [EXTRAS]: what these extras of pyproject.toml ask for, separated by commas.
+packages() {
+    .venv/bin/python scripts/requirements.py "${1:-}" >.venv/requirements.txt
+    fetch .venv/requirements.txt
+}
+
+# setup [EXTRAS]: the package, and what these extras ask for.
 setup() {
     environment
-    pip_install "maturin>=1.9,<2"
+    builder
     # What Python needs is fetched while the core compiles.
-    .venv/bin/python scripts/requirements.py "${1:-}" >.venv/requirements.txt
-    fetch .venv/requirements.txt &
+    packages "${1:-}" &
     fetched=$!
     build --skip-install
     wait "$fetched"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -77,5 +78,9 @@ def test_a_command_that_is_not_waited_for_is_ended(tmp_path: Path) -> None:
 
 
 def works_in(folder: Path) -> bool:
-    """Whether a process has this folder for its own."""
-    return any(os.path.realpath(link) == str(folder) for link in Path("/proc").glob("[0-9]*/cwd"))
+    """Whether a process has this folder for its own; one may end while it is looked at."""
+    for link in Path("/proc").glob("[0-9]*/cwd"):
+        with contextlib.suppress(OSError):
+            if os.readlink(link) == os.path.realpath(folder):
+                return True
+    return False
