@@ -62,7 +62,9 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
         }
     }
     let mut warnings = Vec::new();
-    if let Some(found) = suspected(&search, best.as_ref()) {
+    // Where a mistake has been undone already, another one is not looked for beside it.
+    let suspected = || suspected(&search, best.as_ref());
+    if let Some(found) = (!observations.judged).then(suspected).flatten() {
         warnings.push(found.suspicion);
         best = found.end.or(best);
     }
