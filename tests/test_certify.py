@@ -313,7 +313,16 @@ def test_an_effect_that_is_not_applied_and_has_no_size_certifies_nothing(
     assert rsicalib.certify(rsicalib.Trace.from_dict(values), limit=10.0).decision == "within"
     values["steps"][0] |= {"applied": False, "platform_rms": None}
     found = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=10.0)
-    assert found.decision == "undecided" and "curvature of a22" in found.reasons[0]
+    assert found.decision == "undecided" and "curvature of sensor a22" in found.reasons[0]
+    # Check points that stand in for an explanation do not stand in for its size.
+    checked = rsicalib.trace(
+        DEMO / "readings.csv", rest=DEMO / "rest.csv", check=DEMO / "check.csv"
+    )
+    values = checked.to_dict() | {"verdict": "partly_explained"}
+    values["steps"][0] |= {"applied": False, "platform_rms": {"position": None, "orientation": 0.0}}
+    found = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=10.0)
+    assert found.decision == "undecided"
+    assert any("curvature of sensor a22" in reason for reason in found.reasons)
 
 
 def test_an_effect_that_is_not_applied_is_known(traced: rsicalib.Trace) -> None:
@@ -337,7 +346,7 @@ def test_it_says_whose_places_it_is_of(traced: rsicalib.Trace) -> None:
 
     delta = rsicalib.load_mechanism("delta")
     assert "carriage a, carriage b and carriage c" in certifying._conditions(traced, delta, "")[0]
-    assert any("place of nozzle" in line for line in certifying._not_covered(traced, delta))
+    assert any("place of nozzle" in line for line in certifying._not_covered(traced, delta, False))
 
 
 def test_the_command_prints_its_document_and_its_plan_works_when_pasted(

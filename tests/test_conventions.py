@@ -231,6 +231,12 @@ def test_two_gains_of_equal_channels_are_refused_and_one_is_found() -> None:
     found = rsicalib.calibrate(read, pair, terms=["offset@b", "gain@b"])
     gain = found["gain@b"]
     assert gain.sd is not None and abs(gain.value - 1.03) < 4 * gain.sd
+    with pytest.raises(InputError, match="one gain that is known"):
+        rsicalib.calibrate(read, pair, terms=["gain@a+b"])
+    # A search looks at gains of both, and refuses nobody.
+    bent = read | {"b": read["b"] + 0.05 * np.sin(2 * turned)}
+    traced = rsicalib.trace(bent, pair, terms=["offset@b", "gain@b"])
+    assert traced.verdict != "adequate" and traced["gain@b"].value > 0.5
 
 
 def test_closures_that_are_used_up_by_unknowns_of_the_pose_ask_for_a_sensor() -> None:

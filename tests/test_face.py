@@ -169,6 +169,9 @@ def test_a_cell_of_a_data_frame_that_cannot_be_used_is_named(tmp_path: Path) -> 
     with pytest.raises(InputError, match="column a33"):
         rsicalib.load_readings(frame.drop(columns="a33"))
     assert len(rsicalib.load_readings(frame, skip_bad_rows=True)) == len(frame) - 1
+    # Poses of fewer rows would stand beside other readings than their own.
+    with pytest.raises(InputError, match="1 bad row,"):
+        rsicalib.forward(frame, skip_bad_rows=True)
 
 
 def test_text_columns_of_a_data_frame_tell_placements_apart() -> None:

@@ -399,10 +399,18 @@ def test_an_option_that_means_nothing_for_a_log_is_refused(tmp_path: Path) -> No
 def test_a_channel_that_has_the_name_of_its_column_is_said_once(tmp_path: Path) -> None:
     path = tmp_path / "plot.csv"
     path.write_text("__time,elbow,wrist,force\n0,1,2,\n0.01,,,5\n0.02,1,3,\n")
-    with pytest.raises(InputError, match=r"elbow,wrist \(2 rows\); force \(1 rows\)"):
+    with pytest.raises(InputError, match=r"elbow,wrist \(2 rows\); force \(1 row\)"):
         rsicalib.import_log(path)
     said = run_text("import", path, "--channels", "q1=elbow,wrist", "--out", tmp_path / "out")
     assert "columns: time_s, q1, wrist" in said.stdout + said.stderr
+
+
+def test_a_joint_that_is_swept_by_whole_steps_is_no_counter(tmp_path: Path) -> None:
+    rows = [(0.5 * k, float(k), 0.5 * k + 0.1) for k in range(40)]
+    path = plotted(tmp_path / "swept.csv", rows, "__time,q1,q2")
+    assert {"q1", "q2"} <= set(rsicalib.import_log(path, hold=0.0).sessions[0].columns)
+    counted = plotted(tmp_path / "counted.csv", rows, "__time,index,q2")
+    assert "index" not in rsicalib.import_log(counted, hold=0.0).sessions[0].columns
 
 
 def test_a_log_of_another_machine_than_the_default_says_so(tmp_path: Path) -> None:

@@ -363,7 +363,8 @@ def budget(
 
     `dof` are those of the noise, None where it was declared; `play` is the standard deviation of each
     coordinate; `checked` is χ² at check points over its degrees of freedom, those, the standard deviation
-    that is predicted of them, and whether they were aligned, of a result that is not understood. The keys are those of the core's `Budget`.
+    that is predicted of them, and whether they were aligned, of a result that is not understood. The keys
+    are those of the core's `Budget`.
     """
 
 def calibrate_devices(

@@ -284,7 +284,8 @@ type PyUnseen<'py> = (PySpec, Bound<'py, PyAny>);
 ///
 /// `dof` are those of the noise, None where it was declared; `play` is the standard deviation of each
 /// coordinate; `checked` is χ² at check points over its degrees of freedom, those, the standard deviation
-/// that is predicted of them, and whether they were aligned, of a result that is not understood. The keys are those of the core's `Budget`.
+/// that is predicted of them, and whether they were aligned, of a result that is not understood. The keys
+/// are those of the core's `Budget`.
 #[pyfunction]
 #[pyo3(signature = (mechanism, applied, covariance, between, table, dof, play, unseen, orientation, confidence, draws, seed, checked=None))]
 #[expect(clippy::too_many_arguments, reason = "a call from Python, by name")]

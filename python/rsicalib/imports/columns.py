@@ -23,6 +23,7 @@ from rsicalib.imports.series import in_columns
 from rsicalib.imports.stretches import Recording, session_of
 from rsicalib.io.tables import PARQUET, Table, is_blank, numbers, quoted, read_table, text
 from rsicalib.io.times import seconds, time_column
+from rsicalib.plain_text import counted
 
 __all__ = ["read", "whole_rows"]
 
@@ -99,7 +100,7 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
     channels = asked.channels
     if channels is None:
         held = [k != place and _numeric(table, k) for k in range(len(table.names))]
-        counts = [one and _counts_rows(table.numbers(k)) for k, one in enumerate(held)]
+        counts = [one and _counts_rows(table, k) for k, one in enumerate(held)]
         if counts == held:  # nothing else is there
             counts = [False] * len(held)
         taken = [one and not counter for one, counter in zip(held, counts, strict=True)]
@@ -158,9 +159,14 @@ def _numeric(table: Table, place: int) -> bool:
     return bool(len(cells)) and bool(np.isfinite(table.numbers(place)).any())
 
 
-def _counts_rows(values: FloatArray) -> bool:
-    """Whether a column grows by one from row to row, and by nothing else: no joint does."""
-    return len(values) > 2 and bool(np.all(np.diff(values) == 1.0))
+COUNTERS = ("", "unnamed: 0", "index", "idx", "row", "frame", "frame_index", "seq", "header.seq")
+"""What a column that counts rows is called."""
+
+
+def _counts_rows(table: Table, place: int) -> bool:
+    """Whether a column is called as a counter of rows, and grows by one from row to row."""
+    called = table.names[place].strip().lower() in COUNTERS
+    return called and bool(np.all(np.diff(table.numbers(place)) == 1.0))
 
 
 def _cells(table: Table, place: int, keep: np.ndarray) -> FloatArray:
@@ -187,7 +193,8 @@ def _together(there: np.ndarray, names: Sequence[str]) -> str:
     """Channels that have readings in the same rows, those of most rows first."""
     patterns, rows = np.unique(there, axis=0, return_counts=True)
     said = [
-        ",".join(n for n, one in zip(names, patterns[k], strict=True) if one) + f" ({rows[k]} rows)"
+        ",".join(n for n, one in zip(names, patterns[k], strict=True) if one)
+        + f" ({counted(int(rows[k]), 'row')})"
         for k in np.argsort(-rows, kind="stable")[:MOST_SAID].tolist()
     ]
     return "; ".join(said)[:300]

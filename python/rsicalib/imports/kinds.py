@@ -14,6 +14,7 @@ from typing import Any
 
 from rsicalib.imports.asked import Asked
 from rsicalib.imports.log import Log
+from rsicalib.io.tables import PARQUET
 
 __all__ = ["KINDS", "Kind", "format_of", "is_table", "whole_of"]
 
@@ -51,16 +52,25 @@ PLOTTED = re.compile(
     rb'\A(?:\xef\xbb\xbf)?(?:"?__time"?,|[^\n]*/position'
     rb"|[\w ]+,receive time,header\.stamp,topic,value\s)"
 )
-PARQUET = (".parquet", ".pq")
 DEPTH = 4
-"""Folders between a data set of LeRobot and a file of it, at most: `meta/episodes/chunk-000`."""
+"""Folders between a data set and a file of it, at most: `meta/episodes/chunk-000` of LeRobot."""
 
 
 def _columns(path: Path, head: bytes) -> bool:
     """Whether a plotting program wrote a table, or a folder is one of Parquet files."""
     if os.path.isdir(path):
-        return any(file.suffix.lower() in PARQUET for file in path.rglob("*"))
+        return _holds(path, DEPTH)
     return bool(PLOTTED.match(head))
+
+
+def _holds(folder: Path, depth: int) -> bool:
+    """Whether a folder, or one below it, holds a Parquet file; hidden ones are not looked at."""
+    with os.scandir(folder) as entries:
+        seen = [entry for entry in entries if not entry.name.startswith(".")]
+    if any(os.path.splitext(entry.name)[1].lower() in PARQUET for entry in seen):
+        return True
+    below = [Path(entry.path) for entry in seen if entry.is_dir(follow_symlinks=False)]
+    return depth > 0 and any(_holds(one, depth - 1) for one in below)
 
 
 def _lerobot(path: Path, _: bytes) -> bool:

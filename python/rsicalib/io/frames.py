@@ -189,12 +189,11 @@ def columns_of(frame: Any) -> Columns:
 
 
 def frame_of(like: Any, columns: Mapping[str, Cells]) -> Any:
-    """Columns as a table of the kind of `like`: of pandas, Polars or pyarrow, or a mapping."""
-    if isinstance(like, Mapping):
-        return dict(columns)
+    """Columns as a table of the kind of `like`: of pandas, Polars or pyarrow, else a mapping."""
     if hasattr(like, "schema") and hasattr(like, "num_rows"):  # pyarrow
         return type(like).from_pydict(columns)
-    return type(like)(columns)
+    library = type(like).__module__.partition(".")[0]
+    return type(like)(columns) if library in ("pandas", "polars") else dict(columns)
 
 
 def _with_index(frame: Any) -> Any:

@@ -13,6 +13,7 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.facts.records import IF_KNOWN, OMIT, Record
 from rsicalib.facts.shapes import Rms
+from rsicalib.io.cells import POSE
 from rsicalib.io.files import write_text
 from rsicalib.plain_text import counted
 from rsicalib.plots import on_axes, scatter
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["Bound", "Forecast", "Hidden", "Plan", "Spread", "WorstHidden"]
-
-POSE = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True)

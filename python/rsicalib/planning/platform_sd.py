@@ -12,6 +12,7 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import Record
+from rsicalib.io.cells import POSE
 from rsicalib.io.readings import Readings
 from rsicalib.planning.measures import parameters_of
 from rsicalib.plots import on_axes, scatter
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 
 __all__ = ["View", "Workspace", "workspace"]
 
-POSE = ("x", "y", "z", "rx", "ry", "rz")
 
 View: TypeAlias = Literal["xy", "xz", "yz"]
 """The plane that `plot` looks at."""

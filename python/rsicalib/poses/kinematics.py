@@ -11,8 +11,9 @@ import numpy.typing as npt
 from rsicalib import _core
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, InputTypeError
+from rsicalib.io.cells import POSE
 from rsicalib.io.frames import SOURCE, FrameArg, columns_of, frame_of, is_frame
-from rsicalib.plain_text import quoted
+from rsicalib.plain_text import counted, quoted
 from rsicalib.poses.places import Places, places, readings_for
 from rsicalib.work.arguments import (
     CalibrationArg,
@@ -28,9 +29,6 @@ __all__ = ["forward", "forward_sd", "inverse"]
 
 PlacesT = TypeVar("PlacesT", bound=FrameArg)
 """A data frame goes in and comes out."""
-
-POSE = ("x", "y", "z", "rx", "ry", "rz")
-"""Columns of a pose."""
 
 
 @overload
@@ -154,11 +152,17 @@ def forward_sd(
 
 def _as_given(given: object, names: Sequence[str], values: FloatArray) -> Any:
     """Values as an array; of a data frame as one of the same library, row by row."""
-    if not is_frame(given):
-        return values
     frame: Any = frame_of(given, {name: values[:, k] for k, name in enumerate(names)})
+    if not is_frame(given) or isinstance(frame, dict):
+        return values
     index: Any = getattr(given, "index", None)  # of pandas
-    if index is not None and len(index) == len(values):
+    if index is not None:
+        if len(index) != len(values):
+            bad = counted(len(index) - len(values), "bad row")
+            raise InputError(
+                f"skip_bad_rows: found a data frame with {bad}, expected none, "
+                "since poses keep its index: drop them before, as by dropna()"
+            )
         frame.index = index
     return frame
 

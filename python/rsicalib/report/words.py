@@ -241,7 +241,8 @@ def _lack(result: ResultShape) -> str:
         )
         return f"{what} predicted to err by {size}, and by {drawn} without any readings"
     lost = any(reason.kind == "unobservable" for reason in result.reasons)
-    return result.unobservable[0] if lost or not result.parameters else result.termination
+    told = next(iter(result.unobservable), result.termination)
+    return told if lost or not result.parameters else result.termination
 
 
 def _carried(result: ResultShape) -> str:

@@ -19,13 +19,14 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, InputTypeError
 from rsicalib.facts.shapes import FitQuality, TraceShape
 from rsicalib.io.builtin import DEFAULT
+from rsicalib.io.cells import POSE
 from rsicalib.io.readings import Readings
 from rsicalib.io.tables import read_table
 from rsicalib.plain_text import quoted
 from rsicalib.planning.measures import parameters_of
 from rsicalib.poses.devices import Device, draw_poses
 from rsicalib.poses.places import readings_for
-from rsicalib.report.words import listed_words
+from rsicalib.report.words import listed_words, subject
 from rsicalib.results.certificate import Certificate, Known, Source, Uncertainty
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
@@ -57,8 +58,6 @@ LEFT = {
     "partly_explained": "part of its residual has no explanation",
 }
 """Verdicts of results that leave something: check points say how large it is elsewhere."""
-
-POSE = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @options.checked
@@ -114,9 +113,9 @@ def certify(
     quantity, size, unit = _limit(limit, opened)
     table, places = _places(earlier, opened, at)
     checked, uncertainty = _by_check(earlier, quantity), None
-    reasons = _not_judged(earlier) if checked is None else ()
+    reasons = (*(() if checked is not None else _not_judged(earlier)), *_unsized(earlier, quantity))
     bound: tuple[str, ...] = ()
-    times = 1.0
+    times = None
     covariance = _covariance(earlier)
     expanded = math.nan
     if covariance is not None and np.isfinite(covariance).all() and len(covariance):
@@ -139,7 +138,7 @@ def certify(
         decision=decision,  # type: ignore[arg-type]
         reasons=(
             *reasons,
-            *(_of_check(earlier, times) if checked is not None else ()),
+            *(() if checked is None or times is None else _of_check(earlier, times)),
             *_why(decision, size, unit, expanded, known, bool(reasons)),
         ),
         uncertainty=uncertainty,
@@ -148,7 +147,7 @@ def certify(
         verdict=earlier.verdict,
         conditions=_conditions(earlier, opened, places),
         rests_on=_rests_on(opened),
-        not_covered=_not_covered(earlier, opened),
+        not_covered=_not_covered(earlier, opened, checked is not None),
         independent_points=_checked(earlier),
         data_sha256=earlier.readings.sha256,
         files=tuple(os.path.basename(name) for name in earlier.readings.files),
@@ -300,15 +299,26 @@ def _not_judged(result: Result) -> tuple[str, ...]:
         reasons.append(f"The result is {result.verdict or 'not judged'}: {why}.")
     elif isinstance(result, TraceShape) and not any(h.unseen for h in result.could_hide):
         reasons.append("The result does not hold what its session leaves open: trace again.")
-    if isinstance(result, TraceShape):
-        unsized = [s for s in result.steps if not s.applied and s.platform_rms is None]
-        if unsized:
-            names = listed_words([f"{s.term.replace('_', ' ')} of {s.target}" for s in unsized])
-            reasons.append(f"How large {names} is at these places, not applied, is not known.")
     return tuple(reasons)
 
 
-def _by_check(result: Result, quantity: str) -> tuple[float, float, float, bool] | None:
+def _unsized(result: Result, quantity: str) -> tuple[str, ...]:
+    """Effects that are not applied, and of which nobody knows how large they are."""
+    steps = result.steps if isinstance(result, TraceShape) else ()
+    names = [
+        subject(step)
+        for step in steps
+        if not step.applied and getattr(step.platform_rms, quantity, None) is None
+    ]
+    if not names:
+        return ()
+    return (f"How large {listed_words(names)} is at these places, not applied, is not known.",)
+
+
+Checked = tuple[float, float, float, bool]
+
+
+def _by_check(result: Result, quantity: str) -> Checked | None:
     """What check points show of a result that leaves something, as the core takes it.
 
     χ² by degree of freedom, those, what is predicted of a coordinate, and whether the motion of
@@ -327,7 +337,7 @@ def _by_check(result: Result, quantity: str) -> tuple[float, float, float, bool]
 
 
 def _of_check(result: Result, times: float) -> tuple[str, ...]:
-    size = f"{times:.2g} times" if times > 1 else "no more than"
+    size = f"{times:.2g} times" if times >= 1.05 else "no more than"
     return (
         f"The result is {result.verdict}: {LEFT[str(result.verdict)]}. How large its errors are is "
         f"by {_checked(result)} check points: {size} what is predicted of them, with effects that "
@@ -342,7 +352,7 @@ def _budget(
     table: Mapping[str, Any],
     quantity: str,
     confidence: float,
-    checked: tuple[float, float, float, bool] | None,
+    checked: Checked | None,
 ) -> tuple[Uncertainty, tuple[str, ...], float]:
     """The budget, effects bound to the session, and how much larger errors are by check points."""
     noise = result.noise
@@ -430,7 +440,8 @@ def _known(
         if step.platform_rms is not None and (of_its_session or not step.applied):
             # Of three coordinates; and a drift is √3 times its root mean square at its end.
             times = 3.0 if of_its_session else math.sqrt(3.0)
-            sizes.append(times * (getattr(step.platform_rms, quantity) or 0.0))
+            size = getattr(step.platform_rms, quantity)
+            sizes += [] if size is None else [times * size]
     if sizes:
         known.append(Known("effects not applied", math.hypot(*sizes), None, 0))
     return seen, tuple(known)
@@ -490,8 +501,10 @@ def _decides(result: CalibrationArg, mechanism: MechanismArg, earlier: Result) -
 def _conditions(result: Result, mechanism: Mechanism, places: str) -> tuple[str, ...]:
     values = mechanism.to_dict()
     of = "the platform"
-    if not values.get("platform"):
-        names = [point["name"] for point in values.get("point", ()) if point.get("chain")]
+    names = [point["name"] for point in values.get("point", ()) if point.get("chain")]
+    if not values.get("platform") and not names:
+        of = "no point, since no chain carries one"
+    elif not values.get("platform"):
         of = f"{listed_words(names)}, as the chains carry {'it' if len(names) == 1 else 'them'}"
     out = [f"Places of {of}: {places}, one reading each, the effects found applied."]
     mean = None if result.reference is None else result.reference.temperature
@@ -528,7 +541,7 @@ def _rests_on(mechanism: Mechanism) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _not_covered(result: Result, mechanism: Mechanism) -> tuple[str, ...]:
+def _not_covered(result: Result, mechanism: Mechanism, checked: bool) -> tuple[str, ...]:
     out = [f"Not determined by these readings: {text}." for text in result.unobservable]
     out.append("Errors of the length that gives the scale, beyond what the session shows of them.")
     out.append("Loads and speeds that the session did not have, temperatures beyond those above.")
@@ -540,7 +553,7 @@ def _not_covered(result: Result, mechanism: Mechanism) -> tuple[str, ...]:
     if moving:
         out.append(f"The place of {listed_words(moving)}, which no chain carries.")
     out.append("Damage and wear since the session: rsicalib watch looks for them.")
-    if _by_check(result, "position") is not None:
+    if checked:
         out.append("Places that are unlike the check points: by those is what has no explanation.")
     if not _checked(result):
         out.append("The place of the whole in any other frame than the mechanism's own.")

@@ -140,17 +140,27 @@ impl Traced {
 pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Traced, Error> {
     search.check()?;
     let (traced, lost) = explain(observations, search, Scope::All)?;
-    let unread = if lost { Vec::new() } else { beyond(observations, &traced.after) };
-    if !unread.is_empty() {
-        let mut rest = observations.clone();
-        unread.iter().for_each(|row| rest.weights[*row] = 0.0);
+    let (mut rest, mut unread) = (observations.clone(), Vec::new());
+    let mut more = if lost { Vec::new() } else { beyond(observations, &traced.after) };
+    for _ in 0..LATER {
+        if more.is_empty() {
+            break;
+        }
+        more.iter().for_each(|row| rest.weights[*row] = 0.0);
+        unread.append(&mut more);
         // With what is left of short recordings nothing may be determined.
-        if let Ok((again, false)) = explain(&rest, search, Scope::All) {
+        let Ok((again, false)) = explain(&rest, search, Scope::All) else { break };
+        more = beyond(&rest, &again.after);
+        // Where nothing is late without these rows, they stay.
+        if more.is_empty() && !beyond(observations, &again.after).is_empty() {
             return within_reason(Traced { unread, ..again }, false, &rest, search);
         }
     }
     within_reason(traced, lost, observations, search)
 }
+
+/// Times that a recording is searched again without rows that what is late puts beyond its ends.
+const LATER: usize = 3;
 
 /// What was found, or what is left to be said of readings that are not of this mechanism.
 fn within_reason(
@@ -169,7 +179,7 @@ fn within_reason(
         false if !effects.is_empty() && absurd(&[]) => Scope::Screened,
         _ => return Ok(traced),
     };
-    let unread = traced.unread;
+    let unread = if matches!(wanted, Scope::Nothing) { Vec::new() } else { traced.unread };
     Ok(Traced { unread, ..explain(observations, search, wanted)?.0 })
 }
 

@@ -169,8 +169,9 @@ fn by_chance(hits: usize, all: usize) -> f64 {
     (hits..=all).map(probability).sum()
 }
 
-/// A fit ends where steps lower χ² by less than this part of it: such fits are told apart by factors.
-const COMPARED: f64 = 1e-3;
+/// A fit ends where steps lower χ² by less than this part of it: such fits are told apart by a factor of
+/// [`DECISIVE`], of which this is a fiftieth.
+const LITTLE: f64 = 0.02 / DECISIVE;
 
 /// A fit of other observations.
 pub(crate) struct Again {
@@ -195,7 +196,7 @@ impl Again {
         let Noise { sigma, play, seating, measured } = noise.clone();
         let (noise, measured) = (Some(sigma), Some(measured));
         let of = observations.options.clone();
-        let lm = SolverOptions { ftol: COMPARED, ..of.lm.clone() };
+        let lm = SolverOptions { ftol: LITTLE, ..of.lm.clone() };
         let options = FitOptions { noise, play, seating, measured, lm, ..of };
         let rest = observations.rest.clone();
         let there = Observations::new(mechanism, table, rest, options).ok()?;

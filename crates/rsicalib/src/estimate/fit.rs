@@ -66,13 +66,16 @@ pub fn fit(
             poses: observations.readings.poses(),
         });
     }
-    if search::unscaled(&model, &priors) {
+    // Of what was asked for; a search looks at the gains that it finds.
+    if from.is_none() && search::unscaled(&model, &priors) {
         return Err(Error::Option {
             name: "terms",
-            found: "the gains of all channels that a closure makes equal, with which zero fits any readings"
-                .into(),
-            expected: "one gain that is known: name the others, `gain@CHANNEL`, or give one an `sd`"
-                .into(),
+            found:
+                "all gains of channels that are to be equal: gains of zero would fit any readings"
+                    .into(),
+            expected:
+                "one gain that is known: name the others, `gain@CHANNEL`, or give one an `sd`"
+                    .into(),
         });
     }
     let guess = first_noise(observations, from.map(Fit::assumed));

@@ -97,8 +97,8 @@ pub(crate) fn unscaled(model: &Model, priors: &[Prior]) -> bool {
     let equal = |k: usize| mechanism.closures[k].kind == ClosureKind::Equal;
     let others = (0..mechanism.closures.len()).any(|k| !equal(k));
     let known = |c: usize| {
-        let gain = model.column(Role::Gain, c);
-        gain.is_none_or(held) || (others && mechanism.moves_joint(c))
+        let of_others = others && (mechanism.moves_joint(c) || mechanism.measures(c));
+        of_others || model.gains_of(c).all(held)
     };
     let channels = 0..mechanism.channels.len();
     let mut told: Vec<bool> = channels.clone().map(known).collect();

@@ -111,9 +111,7 @@ impl Mechanism {
 
     /// True for two channels that a closure holds equal.
     pub(crate) fn are_equal(&self, a: usize, b: usize) -> bool {
-        let names = [a, b].map(|c| self.channels.get(c).map(|channel| &channel.name));
-        let of = |c: &Closure| names.iter().flatten().all(|name| c.between.contains(name));
-        self.closures.iter().any(|c| c.kind == ClosureKind::Equal && of(c))
+        a != b && self.made_equal(a).contains(&b)
     }
 
     /// The channels that read lengths, two by two, and all of them.
