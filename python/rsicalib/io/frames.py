@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, TypeAlias, TypeGuard
@@ -189,11 +190,13 @@ def columns_of(frame: Any) -> Columns:
 
 
 def frame_of(like: Any, columns: Mapping[str, Cells]) -> Any:
-    """Columns as a table of the kind of `like`: of pandas, Polars or pyarrow, else a mapping."""
+    """Columns as a table of the kind of `like`; a mapping where that cannot be made of columns."""
     if hasattr(like, "schema") and hasattr(like, "num_rows"):  # pyarrow
         return type(like).from_pydict(columns)
-    library = type(like).__module__.partition(".")[0]
-    return type(like)(columns) if library in ("pandas", "polars") else dict(columns)
+    if hasattr(like, "columns"):  # pandas, Polars, and others with such a constructor
+        with contextlib.suppress(TypeError):
+            return type(like)(columns)
+    return dict(columns)
 
 
 def _with_index(frame: Any) -> Any:
