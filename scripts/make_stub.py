@@ -19,6 +19,7 @@ from rsicalib.io.files import write_text
 STUB = Path(__file__).parents[1] / "python" / "rsicalib" / "_core.pyi"
 
 PARAMETERS = {
+    "unit_of_key.key": "str",
     "align": "bool",
     "budget.covariance": "Array",
     "budget.between": "Sequence[float]",
@@ -203,6 +204,7 @@ RETURNS = {
     "means_of_samples": "Array",
     "misclosure": "Array",
     "units_of": "list[list[str]]",
+    "unit_of_key": "str | None",
     "compared": "list[tuple[int, float, float, float, bool]]",
     "observability": "dict[str, Any]",
     "places": "tuple[list[str], Array, Array | None, list[bool]]",

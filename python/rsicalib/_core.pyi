@@ -693,7 +693,7 @@ def summed(devices: Array) -> dict[str, Any] | None:
 def terms(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Every term there is, with its targets in a mechanism."""
 
-def unit_of_key(mechanism: Mechanism, key: Any) -> Any:
+def unit_of_key(mechanism: Mechanism, key: str) -> str | None:
     """The unit of a parameter that a column is called after, as `gain@a11`; None where it has none, or
     several.
     """

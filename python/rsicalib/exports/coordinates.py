@@ -7,7 +7,6 @@ which carries a point to where the coordinate is, or a turn, whose point says th
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any
 
 import numpy as np
 
@@ -121,12 +120,6 @@ def unit_of(mechanism: Mechanism) -> dict[str, str]:
 
     A channel of no joint has its own; degrees are kept in radians.
     """
-    document: dict[str, Any] = mechanism.to_dict()
-    rows = [row for chain in document.get("chain", []) for row in chain.get("dh", [])]
-    slides = {row.get("channel") for row in rows if row.get("joint") == "prismatic"}
-    on = {row.get("channel") for row in rows}
-    length = str(document["length_unit"])
-    return {
-        c.name: length if c.name in slides else "rad" if c.name in on or c.unit == "deg" else c.unit
-        for c in mechanism.channels
-    }
+    names = [channel.name for channel in mechanism.channels]
+    units = _core.units_of(mechanism, [(("offset", name, None), "offset") for name in names])
+    return {name: own for name, (own,) in zip(names, units, strict=True)}

@@ -19,6 +19,10 @@ from rsicalib.imports.teleop import DEGREES, FOLLOWER
 __all__ = ["write"]
 
 
+HALF = 0.5
+"""Of a step of the encoder: an end of a range is right to no more."""
+
+
 def write(ask: Ask) -> dict[str, str]:
     """Write the file that is given as base, with other ranges; and what it cannot hold."""
     base = ask.file("the calibration file of the follower, NAME.json")
@@ -33,8 +37,8 @@ def write(ask: Ask) -> dict[str, str]:
             ends = _of_percent(entry, channel.gain, channel.offset)
         elif channel.unit == "deg":
             ends = _of_degrees(entry, math.degrees(channel.offset))
-            if channel.gain != math.radians(1.0):
-                gain = math.degrees(channel.gain)
+            gain = math.degrees(channel.gain)
+            if abs(gain - 1.0) * (entry["range_max"] - entry["range_min"]) >= HALF:
                 notes.append(f"not in the file: {joint} turns {gain:.7g} degrees for each it reads")
         else:
             expected = "'percent' or 'deg'"

@@ -152,8 +152,10 @@ def forward_sd(
 
 def _as_given(given: object, names: Sequence[str], values: FloatArray) -> Any:
     """Values as an array; of a data frame as one of the same library, row by row."""
+    if not is_frame(given):
+        return values
     frame: Any = frame_of(given, {name: values[:, k] for k, name in enumerate(names)})
-    if not is_frame(given) or isinstance(frame, dict):
+    if isinstance(frame, dict):  # of a library that makes no frames of columns
         return values
     index: Any = getattr(given, "index", None)  # of pandas
     if index is not None:

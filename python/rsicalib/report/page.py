@@ -30,6 +30,7 @@ from rsicalib.report.words import (
     judged_words,
     labelled,
     law_words,
+    moved_words,
     name_of,
     noise_words,
     not_applied,
@@ -437,12 +438,10 @@ def _cost(step: Step, unit: str) -> str:
     out = f"Its score is one that chance gives with {p_is(step.p_value)}. "
     if step.platform_rms is not None:
         rms = step.platform_rms
-        what, turned = "the platform", f" and {number(rms.orientation, 2)} rad"
-        if rms.orientation is None:
-            what, turned = "what the arm carries", ""
+        turned = "" if rms.orientation is None else f" and {number(rms.orientation, 2)} rad"
         out += (
-            f"It moved {what} by {number(rms.position, 2)} {unit}{turned} (rms), after the other "
-            "parameters had absorbed what they can. "
+            f"It moved {moved_words(rms)} by {number(rms.position, 2)} {unit}{turned} (rms), after "
+            "the other parameters had absorbed what they can. "
         )
     if step.also_fits:
         names = ", ".join(subject(n) for n in step.also_fits)

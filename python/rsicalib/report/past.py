@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -239,9 +240,8 @@ def lines(history: History) -> list[str]:
         "",
         *(_past(one) for one in history.results),
         "",
-        f"{'parameter':24} {'last':>14} {'± 95 %':>10} {'per year':>12} {'± 95 %':>10}",
+        *_aligned(history.parameters),
     ]
-    out += [" ".join(_cells(one)) for one in history.parameters]
     drifts = _drifts(history)
     names = ", ".join(f"{s.term}@{s.target}" for s in drifts)
     out += ["", f"drifts beyond chance: {names or 'none'}"]
@@ -272,15 +272,25 @@ def _cells(one: Series) -> list[str]:
     rate, rate_half = "-", "-"
     if one.rate is not None and one.rate_sd is not None:
         rate, rate_half = plus_minus(YEAR * one.rate, one.wide * YEAR * one.rate_sd)
-    return [f"{name:24}", f"{value:>14}", f"{half:>10}", f"{rate:>12}", f"{rate_half:>10}"]
+    return [name, value, half, rate, rate_half]
+
+
+def _aligned(parameters: Sequence[Series]) -> list[str]:
+    """Parameters as lines, each column as wide as its longest cell."""
+    rows = [["parameter", "last", "± 95 %", "per year", "± 95 %"], *map(_cells, parameters)]
+    wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(f"{cell:{'>' if k else '<'}{wide[k]}}" for k, cell in enumerate(row))
+        for row in rows
+    ]
 
 
 def _row(one: Series) -> list[str]:
     """The same for a page: values with their bounds."""
-    _, last, half, rate, rate_half = (cell.strip() for cell in _cells(one))
+    name, last, half, rate, rate_half = _cells(one)
     yearly = "–" if one.rate is None else f"{rate} ± {rate_half}"
     chance = "–" if one.p_value is None else probability(one.p_value)
-    return [axis_words(one.key, one.unit), f"{last} ± {half}", yearly, chance]
+    return [name, f"{last} ± {half}", yearly, chance]
 
 
 def _drifts(history: History) -> list[Series]:

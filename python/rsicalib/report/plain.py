@@ -9,6 +9,7 @@ from rsicalib.report.words import (
     either_words,
     labelled,
     listed_words,
+    moved_words,
     name_of,
     number,
     place_words,
@@ -121,8 +122,7 @@ def _found(result: TraceShape, step: Step) -> str:
     rms = step.platform_rms
     off = None if rms is None else rms.position
     if rms is not None and off:
-        what = "the platform" if rms.orientation is not None else "what the arm carries"
-        said += f": it puts {what} {number(off, 2)} {result.length_unit} off"
+        said += f": it puts {moved_words(rms)} {number(off, 2)} {result.length_unit} off"
     return f"{said}. {_sure(result, step)}"
 
 

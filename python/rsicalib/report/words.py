@@ -16,6 +16,7 @@ from rsicalib.facts.shapes import (
     Parameter,
     Reason,
     ResultShape,
+    Rms,
     Step,
     StepParameter,
     TraceShape,
@@ -38,6 +39,7 @@ __all__ = [
     "law_words",
     "listed_words",
     "misclosure_unit",
+    "moved_words",
     "name_of",
     "noise_words",
     "not_applied",
@@ -249,6 +251,11 @@ def _carried(result: ResultShape) -> str:
     """What errors are predicted of, as the subject of a sentence."""
     placed = result.predicted is not None and result.predicted.orientation_sd is not None
     return "the platform is" if placed else "carried points are"
+
+
+def moved_words(rms: Rms) -> str:
+    """What an effect moves: the platform, or points without an orientation."""
+    return "carried points" if rms.orientation is None else "the platform"
 
 
 def sentence(result: ResultShape) -> str:

@@ -89,6 +89,9 @@ pub(crate) fn beyond(observations: &Observations, fit: &Fit) -> Vec<usize> {
     let Observations { readings, weights, .. } = observations;
     let of = |channel: usize| fit.model.delays(&fit.beta, channel, 0)[1];
     let ends = (0..readings.channels).map(of).fold([0.0_f64; 2], |[a, b], d| [a.min(d), b.max(d)]);
+    if ends == [0.0; 2] {
+        return Vec::new();
+    }
     let lost = |row: &usize| {
         weights[*row] > 0.0 && ends.iter().any(|d| *d != 0.0 && !readings.goes_on(*row, *d))
     };

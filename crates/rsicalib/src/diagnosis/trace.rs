@@ -140,26 +140,31 @@ impl Traced {
 pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Traced, Error> {
     search.check()?;
     let (traced, lost) = explain(observations, search, Scope::All)?;
-    let (mut rest, mut unread) = (observations.clone(), Vec::new());
     let mut more = if lost { Vec::new() } else { beyond(observations, &traced.after) };
+    if more.is_empty() {
+        return within_reason(traced, lost, observations, search);
+    }
+    let (mut rest, mut unread) = (observations.clone(), Vec::new());
     for _ in 0..LATER {
-        if more.is_empty() {
-            break;
-        }
         more.iter().for_each(|row| rest.weights[*row] = 0.0);
         unread.append(&mut more);
         // With what is left of short recordings nothing may be determined.
         let Ok((again, false)) = explain(&rest, search, Scope::All) else { break };
         more = beyond(&rest, &again.after);
-        // Where nothing is late without these rows, they stay.
-        if more.is_empty() && !beyond(observations, &again.after).is_empty() {
-            return within_reason(Traced { unread, ..again }, false, &rest, search);
+        if more.is_empty() {
+            // Where nothing is late without these rows, they stay.
+            let late = !beyond(observations, &again.after).is_empty();
+            return match late {
+                true => within_reason(Traced { unread, ..again }, false, &rest, search),
+                false => within_reason(traced, lost, observations, search),
+            };
         }
     }
     within_reason(traced, lost, observations, search)
 }
 
-/// Times that a recording is searched again without rows that what is late puts beyond its ends.
+/// Times that a recording is searched again without rows that what is late puts beyond its ends. Each takes as
+/// long as the first; a delay that is found again leaves out no more.
 const LATER: usize = 3;
 
 /// What was found, or what is left to be said of readings that are not of this mechanism.

@@ -15,12 +15,11 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use crate::closures::ClosureKind;
 use crate::estimate::algebraic::Algebraic;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::{Anchor, Observations};
-use crate::mechanism::{Mechanism, Target, Value};
+use crate::mechanism::{Closure, Mechanism, Target, Value};
 use crate::model::{Model, Prior};
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
@@ -91,14 +90,13 @@ pub(crate) fn shrunk(model: &Model, beta: &[f64]) -> bool {
 /// closures hold whatever is read.
 pub(crate) fn unscaled(model: &Model, priors: &[Prior]) -> bool {
     let mechanism = &model.mechanism;
-    let held = |column: usize| {
-        priors.iter().any(|p| matches!(p, Prior::Parameter { column: own, .. } if *own == column))
-    };
-    let equal = |k: usize| mechanism.closures[k].kind == ClosureKind::Equal;
-    let others = (0..mechanism.closures.len()).any(|k| !equal(k));
+    if !mechanism.closures.iter().any(Closure::is_of_channels) {
+        return false;
+    }
+    let others = mechanism.closures.iter().any(|closure| !closure.is_of_channels());
     let known = |c: usize| {
         let of_others = others && (mechanism.moves_joint(c) || mechanism.measures(c));
-        of_others || model.gains_of(c).all(held)
+        of_others || model.gains_of(c).all(|column| has_prior(priors, column))
     };
     let channels = 0..mechanism.channels.len();
     let mut told: Vec<bool> = channels.clone().map(known).collect();
@@ -108,6 +106,11 @@ pub(crate) fn unscaled(model: &Model, priors: &[Prior]) -> bool {
         }
     }
     channels.clone().any(|c| !told[c] && !mechanism.made_equal(c).is_empty())
+}
+
+/// True for a parameter with a prior of its own.
+fn has_prior(priors: &[Prior], column: usize) -> bool {
+    priors.iter().any(|p| matches!(p, Prior::Parameter { column: own, .. } if *own == column))
 }
 
 /// Number of samples that the search of starts uses.
@@ -308,14 +311,9 @@ impl<'a> StartSearch<'a> {
 
     /// True where gains are unknown and all of them have priors: then knowledge can judge few poses.
     pub(crate) fn knows(&self) -> bool {
-        let held = |column: usize| {
-            let of =
-                |p: &Prior| matches!(p, Prior::Parameter { column: own, .. } if *own == column);
-            self.priors.iter().any(of)
-        };
         let gain = |c: usize| self.model.column(Role::Gain, c);
         let mut gains = (0..self.model.scales.len()).filter_map(gain).peekable();
-        gains.peek().is_some() && gains.all(held)
+        gains.peek().is_some() && gains.all(|column| has_prior(&self.priors, column))
     }
 
     /// Equations beside those of the readings: priors, and those of a rest pose that is held.

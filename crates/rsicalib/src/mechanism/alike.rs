@@ -1,6 +1,5 @@
 //! Chains that are drawn alike, and what they share.
 
-use crate::closures::ClosureKind;
 use crate::mechanism::drawing::{Chain, Closure, Mechanism, Row};
 use crate::mechanism::target::{Target, bits};
 
@@ -100,7 +99,7 @@ impl Mechanism {
     #[must_use]
     pub fn sides(&self) -> Vec<Target> {
         let chains = (0..self.chains.len()).map(|chain| self.channels_of(chain));
-        let equal = self.closures.iter().filter(|closure| closure.kind == ClosureKind::Equal);
+        let equal = self.closures.iter().filter(|closure| closure.is_of_channels());
         let second = |closure: &Closure| self.channel_index(&closure.between[1]).ok();
         let mut followers: Vec<usize> = equal.filter_map(second).collect();
         followers.sort_unstable();

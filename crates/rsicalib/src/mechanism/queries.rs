@@ -5,6 +5,13 @@ use crate::closures::kind::{Given, Part};
 use crate::mechanism::drawing::{Channel, Closure, Mechanism, Motion, Point, Value};
 use crate::mechanism::places::{Frame, Line, Plane};
 
+impl Closure {
+    /// True where the coordinates of two channels are equal.
+    pub(crate) fn is_of_channels(&self) -> bool {
+        self.kind.facts().between() == [Part::Channel; 2]
+    }
+}
+
 impl Mechanism {
     /// Index of a channel.
     ///
@@ -247,8 +254,7 @@ impl Mechanism {
     /// A channel and those whose coordinates closures make equal to its own; none without such a closure.
     pub(crate) fn made_equal(&self, channel: usize) -> Vec<usize> {
         let name = self.channels.get(channel).map(|c| &c.name);
-        let equal = |c: &&Closure| c.kind.facts().between() == [Part::Channel; 2];
-        let its = self.closures.iter().filter(equal).map(|c| &c.between);
+        let its = self.closures.iter().filter(|c| c.is_of_channels()).map(|c| &c.between);
         let its = its.filter(|between| between.iter().any(|one| Some(one) == name)).flatten();
         its.filter_map(|one| self.channels.iter().position(|c| c.name == *one)).collect()
     }

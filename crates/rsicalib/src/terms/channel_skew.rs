@@ -1,6 +1,5 @@
 //! [`ChannelSkew`].
 
-use crate::closures::ClosureKind;
 use crate::mechanism::{Closure, Mechanism, Target};
 use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Electronics, Info, Site, Term};
@@ -27,9 +26,9 @@ impl Term for ChannelSkew {
     /// Not where it is a delay of one side: of pairs that are to be equal, all equally far apart.
     fn suits_target(&self, mechanism: &Mechanism, _target: Target) -> bool {
         let number = |name: &String| mechanism.channel_index(name).ok();
-        let apart = |c: &Closure| match c.kind {
-            ClosureKind::Equal => Some(number(&c.between[1])?.wrapping_sub(number(&c.between[0])?)),
-            _ => None,
+        let apart = |c: &Closure| match c.is_of_channels() {
+            true => Some(number(&c.between[1])?.wrapping_sub(number(&c.between[0])?)),
+            false => None,
         };
         let mut all = mechanism.closures.iter().map(apart);
         let first = all.next().flatten();

@@ -1,6 +1,5 @@
 //! [`Lag`].
 
-use crate::closures::ClosureKind;
 use crate::mechanism::{Closure, Mechanism, Target};
 use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Electronics, Info, Site, Term};
@@ -29,7 +28,7 @@ impl Term for Lag {
     fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
         let own = &mechanism.channels[channel].name;
         let mut read = mechanism.closures.iter().filter(|c| c.between.contains(own)).peekable();
-        let leads = |c: &Closure| c.kind == ClosureKind::Equal && c.between[0] == *own;
+        let leads = |c: &Closure| c.is_of_channels() && c.between[0] == *own;
         mechanism.moves_joint(channel) || read.peek().is_none() || !read.all(leads)
     }
 
