@@ -150,3 +150,13 @@ def test_wires_of_an_arm_that_a_tracker_sees() -> None:
     assert suspected(exchanged, tracked(), columns=seen) == {("exchanged", "q1+q2")}
     turned = read * [1, -1, 1, 1, 1, 1]
     assert suspected(turned, tracked(), columns=seen) == {("reversed", "q2")}
+
+
+@pytest.mark.parametrize("pair", [(0, 3), (1, 2), (3, 5)])
+def test_wires_are_told_in_many_poses_as_in_few(pair: tuple[int, int]) -> None:
+    """Of 400 poses 20 are looked at first; what they say is then held against all."""
+    read, seen = of_tracked(2, 400)
+    order = list(range(6))
+    order[pair[0]], order[pair[1]] = pair[1], pair[0]
+    name = f"q{pair[0] + 1}+q{pair[1] + 1}"
+    assert suspected(read[:, order], tracked(), columns=seen) == {("exchanged", name)}

@@ -399,13 +399,13 @@ fn minimum(
         fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
         fit.warnings.extend(doubts::of_lengths(observations, &fit.model, &fit.noise));
         let no_start = !fit.has_start();
-        let terms = || fit.model.instances.clone();
-        let refit = |other: &Observations| {
-            let again = self::fit(other, terms(), None)?;
+        let fit_by = |other: &Observations, terms: Vec<Instance>| {
+            let again = self::fit(other, terms, None)?;
             let left = if again.has_start() { again.chi2 / again.dof } else { f64::INFINITY };
             let Fit { model, beta, .. } = again;
             Ok(degrees::Again { left, model, beta })
         };
+        let refit = |other: &Observations| fit_by(other, fit.model.instances.clone());
         let mut said = Vec::new();
         let noise = fit.assumed();
         if !fit.warnings.iter().any(Suspicion::of_wiring) {
@@ -417,7 +417,7 @@ fn minimum(
         let wired = !fit.warnings.iter().any(|it| it.of_wiring() && !it.is_no_start());
         if wired && !said.iter().any(Suspicion::of_wiring) {
             let left = if no_start { f64::INFINITY } else { fit.chi2 / fit.dof };
-            said.extend(miswired(observations, &fit.model, &noise, left, refit));
+            said.extend(miswired(observations, &fit.model, &noise, left, fit_by));
             if !said.iter().any(Suspicion::of_wiring) {
                 said.extend(lengths::in_other_unit(observations, &noise, left, refit));
             }

@@ -12,6 +12,7 @@ pub(crate) mod degrees;
 pub mod directions;
 mod doubts;
 mod eliminated;
+mod enough;
 mod expected;
 mod fit;
 mod fitted;

@@ -152,11 +152,16 @@ fn solve_damped(h: &Mat<f64>, gradient: &[f64], damping: f64, scale: &[f64]) -> 
     if n <= small::MOST_PARAMETERS {
         return small::solve_damped(h, gradient, damping, scale);
     }
-    let unit = |i: usize, j: usize| h[(i, j)] / (scale[i] * scale[j]);
-    let damped = Mat::from_fn(n, n, |i, j| unit(i, j) + if i == j { damping } else { 0.0 });
+    let inverse: Vec<f64> = scale.iter().map(|scale| 1.0 / scale).collect();
+    let mut damped = h.clone();
+    for (j, own) in inverse.iter().enumerate() {
+        let column = damped.col_as_slice_mut(j);
+        column.iter_mut().zip(&inverse).for_each(|(h, other)| *h *= other * own);
+        column[j] += damping;
+    }
     let factor = Llt::new(damped.as_ref(), Side::Lower).ok()?;
-    let s = factor.solve(Mat::from_fn(n, 1, |i, _| -gradient[i] / scale[i]));
-    Some((0..n).map(|i| s[(i, 0)] / scale[i]).collect())
+    let s = factor.solve(Mat::from_fn(n, 1, |i, _| -gradient[i] * inverse[i]));
+    Some(inverse.iter().enumerate().map(|(i, inverse)| s[(i, 0)] * inverse).collect())
 }
 
 /// Least squares by Householder QR; `a` has full column rank.

@@ -41,7 +41,8 @@ pub fn solve(
 ) -> Option<Vec<f64>> {
     let apart: usize = islands.iter().map(Vec::len).sum();
     let terms = g.len() - apart;
-    let unit = |i: usize, j: usize| h[(i, j)] / (scale[i] * scale[j]);
+    let inverse: Vec<f64> = scale.iter().map(|scale| 1.0 / scale).collect();
+    let unit = |i: usize, j: usize| h[(i, j)] * inverse[i] * inverse[j];
     // `W` and `z` of all islands, stacked; `z` is the last column.
     let mut w = Mat::<f64>::zeros(apart, terms + 1);
     let mut factors = Vec::with_capacity(islands.len());
@@ -53,7 +54,7 @@ pub fn solve(
         for j in 0..=terms {
             let column = &mut w.col_as_slice_mut(j)[first..first + members.len()];
             for (value, &b) in column.iter_mut().zip(members) {
-                *value = if j < terms { unit(b, j) } else { g[b] / scale[b] };
+                *value = if j < terms { unit(b, j) } else { g[b] * inverse[b] };
             }
             forward(&l, column);
         }
@@ -63,13 +64,13 @@ pub fn solve(
     let (left, z) = (w.subcols(0, terms), w.subcols(terms, 1));
     let mut rest = left.transpose() * left;
     for j in 0..terms {
-        for i in 0..terms {
-            rest[(i, j)] = unit(i, j) - rest[(i, j)];
-        }
-        rest[(j, j)] += damping;
+        let column = h.col_as_slice(j).iter().zip(&inverse).map(|(h, i)| h * i * inverse[j]);
+        let rest = &mut rest.col_as_slice_mut(j)[..terms];
+        rest.iter_mut().zip(column).for_each(|(rest, of_all)| *rest = of_all - *rest);
+        rest[j] += damping;
     }
     let pulled = left.transpose() * z;
-    let rhs = Mat::from_fn(terms, 1, |i, _| pulled[(i, 0)] - g[i] / scale[i]);
+    let rhs = Mat::from_fn(terms, 1, |i, _| pulled[(i, 0)] - g[i] * inverse[i]);
     let s = Llt::new(rest.as_ref(), Side::Lower).ok()?.solve(rhs);
     let back = left * &s + z;
     let mut step: Vec<f64> =
@@ -81,7 +82,7 @@ pub fn solve(
         members.iter().zip(own).for_each(|(&b, s)| step[b] = s);
         first += members.len();
     }
-    step.iter_mut().zip(scale).for_each(|(s, scale)| *s /= scale);
+    step.iter_mut().zip(inverse).for_each(|(s, inverse)| *s *= inverse);
     Some(step)
 }
 
