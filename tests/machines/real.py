@@ -2,7 +2,9 @@
 
 `python -m tests.machines.real FOLDER [NAME …]` traces every session of the folder, or those whose
 names begin so, with the mechanism file beside it: what is named, with its 95 % interval; χ² and
-misclosure before and after; and every parameter of the result that the quick fits have.
+misclosure before and after; and every parameter of the result that the quick fits have. Where a
+tracker saw the machine, how far it is from the tracker's points, which no fit sees, after a rigid
+motion: as drawn, with the offsets that the file asks for, with those of all joints, and as traced.
 """
 
 from __future__ import annotations
@@ -22,6 +24,8 @@ SESSIONS = {
     "motoman_planes": ("*.csv", "motoman_right.toml"),
     "so101": ("*.csv", "teleop.toml"),
 }
+SEEN = {"motoman_planes": "leica_lower_table1_5x5.csv"}
+"""Session of a folder in which a tracker's points are beside the readings."""
 
 
 def mechanism_of(file: Path) -> Path:
@@ -65,6 +69,22 @@ def described(answer: dict[str, Any]) -> list[str]:
     return lines
 
 
+def off(file: Path, seen: Path) -> str:
+    """Root mean square distance from a tracker's points of each fit of a session."""
+    asked = {"as drawn": "nominal", "offsets asked for": "before", "traced": "after"}
+    mechanism = mechanism_of(file)
+    traced = rsicalib.trace(file, mechanism, check=seen, align=True).to_dict()
+    answers = {words: traced[fit] for words, fit in asked.items()}
+    of_all = rsicalib.calibrate(file, mechanism, terms=["offset"], check=seen, align=True)
+    answers["offsets of all joints"] = of_all.to_dict()["after"]
+    # Told is the mean of three coordinates.
+    off = {words: 3**0.5 * fit["aligned"]["position_rms"] for words, fit in answers.items()}
+    unit = traced["length_unit"]
+    return "  off the tracker's points: " + ", ".join(
+        f"{words} {value:.3g} {unit}" for words, value in off.items()
+    )
+
+
 def main(data: Path, *begins: str) -> None:
     """Prints every session."""
     for file in sessions(data, begins or ("",)):
@@ -78,6 +98,8 @@ def main(data: Path, *begins: str) -> None:
             continue
         lines = described(result.to_dict())
         print(f"{file.parent.name}/{file.stem} ({perf_counter() - start:.1f} s)")
+        if file.parent.name in SEEN:
+            lines.append(off(file, file.with_name(SEEN[file.parent.name])))
         print("  " + "\n  ".join(lines), flush=True)
 
 

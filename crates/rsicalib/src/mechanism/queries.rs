@@ -304,13 +304,15 @@ impl Mechanism {
         channels
     }
 
-    /// True for a single chain that touches unknown points alone. Nothing ties such a mechanism
-    /// to its base: a rotation of chain and points together changes no reading.
+    /// True for a single chain that touches unknown points, planes and lines alone. Nothing ties such a
+    /// mechanism to its base: a rotation of chain and places together changes no reading.
     #[must_use]
     pub fn floats(&self) -> bool {
         let fixed = |end: &String| {
             let mut points = self.points.iter();
             points.any(|p| p.name == *end && p.chain.is_none() && !p.is_unknown())
+                || self.planes.iter().any(|p| p.name == *end && p.unknown.is_none())
+                || self.lines.iter().any(|l| l.name == *end && l.unknown.is_none())
         };
         self.chains.len() == 1 && !self.closures.iter().any(|c| c.between.iter().any(fixed))
     }

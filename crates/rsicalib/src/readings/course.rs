@@ -1,27 +1,44 @@
 //! The course of a channel through a recording: what it would have read at another instant.
 //!
-//! About each row `j`, at time `t_j`, the least-squares parabola of the rows up to `n` before and
-//! after it is `P_j`. Between two rows the course blends theirs,
+//! About each row `j`, at time `t_j`, the least-squares polynomial of fourth degree of the rows up to `n`
+//! before and after it is `P_j`. Between two rows the course blends theirs,
 //!
 //! ```text
 //! s(t) = (1 - w) P_j(t) + w P_j+1(t),    w = f² (3 - 2f),   f = (t - t_j) / (t_j+1 - t_j)   (165)
 //! ```
 //!
-//! and goes on as the line of its first or last row beyond a pause or an end of the session: nothing
-//! tells what was read there. `n` is the reach, of those up to [`FARTHEST`], by which a row is best
-//! predicted from its neighbours: as far as noise asks for, and no farther than motion allows.
+//! and goes on as a line beyond a pause or an end of the session: nothing tells what was read there.
+//! `n` is the reach, of those up to [`FARTHEST`], by which a row is best predicted from its neighbours by
+//! a *parabola*: as far as noise asks for, and no farther than motion allows. A parabola of that
+//! reach errs by as much as its noise, alike in all rows of a bend; their delay would err by that. The
+//! polynomials of fourth degree err by a small part of it.
+//!
+//! The noise of what a reading becomes is that of all rows that it is made of. With unit noise of each row
+//! and the weights `c(t)` of the course,
+//!
+//! ```text
+//! a_j(lag) = a_j + s(t_j + lag) - s(t_j),    V = Σ_k (δ_jk + c_k(t_j + lag) - c_k(t_j))²    (164)
+//! ```
 
+use std::ops::Range;
 use std::sync::OnceLock;
 
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::numerics::median::median;
 use crate::readings::table::Table;
 
-/// Rows to either side of a parabola at the most.
+/// Rows to either side of a polynomial at the most.
 const FARTHEST: usize = 8;
 
-/// And at the least: five rows, of which a parabola does not pass through each.
+/// Rows of a polynomial at the most.
+const MOST: usize = 2 * FARTHEST + 1;
+
+/// Reach at the least: five rows, of which a parabola does not pass through each.
 const NEAREST: usize = 2;
+
+/// Coefficients of a course's polynomials, and of those by which reaches are compared.
+const QUARTIC: usize = 5;
+const PARABOLA: usize = 3;
 
 stated! {
     /// A pause of so many usual times between rows is no part of a course.
@@ -36,7 +53,7 @@ const COMPARED: usize = 4096;
 pub(crate) struct Courses {
     /// First row of the run without a pause in which each row is, and the row after its last.
     run: Vec<[u32; 2]>,
-    /// Reach of the parabolas of each channel.
+    /// Reach of the polynomials of each channel.
     reach: Vec<usize>,
 }
 
@@ -49,22 +66,44 @@ pub(crate) struct CourseAt<'a> {
     pub(super) channels: usize,
     /// Rows of the recording at which the samples were taken.
     pub(super) rows: [usize; WIDTH],
+    /// True where the samples stand for many rows each.
+    pub(super) of_many: bool,
+}
+
+/// What eight samples become at another instant.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Moved {
+    /// By how much a channel reads more there, and its velocity.
+    pub change: Lanes,
+    pub velocity: Lanes,
+    /// Standard deviation there of readings of unit noise, (164), and its derivative by the instant.
+    pub spread: Lanes,
+    pub spreads: Lanes,
+    /// What was read in these rows.
+    pub raw: Lanes,
 }
 
 impl CourseAt<'_> {
-    /// By how much a channel reads more `later` seconds after each sample, and its velocity there.
-    pub fn change(&self, channel: usize, later: f64) -> [Lanes; 2] {
+    /// The samples of a channel `later` seconds after each.
+    pub fn moved(&self, channel: usize, later: f64) -> Moved {
         let courses = self.courses.get_or_init(|| Courses::of(self.table, self.channels));
-        let mut found = [Lanes::ZERO; 2];
+        let zero = Lanes::ZERO;
+        let mut all =
+            Moved { change: zero, velocity: zero, spread: zero, spreads: zero, raw: zero };
+        let mut last = [0.0; 4];
         for (lane, &row) in self.rows.iter().enumerate() {
-            if lane > 0 && row == self.rows[lane - 1] {
-                (found[0].0[lane], found[1].0[lane]) = (found[0].0[lane - 1], found[1].0[lane - 1]);
-                continue;
+            if lane == 0 || row != self.rows[lane - 1] {
+                last = courses.moved(self.table, row, channel, later);
+                // What is read in a stretch is the mean of many rows, of which noise from row to row is no part.
+                if self.of_many {
+                    (last[2], last[3]) = (1.0, 0.0);
+                }
             }
-            let [change, slope] = courses.change(self.table, row, channel, later);
-            (found[0].0[lane], found[1].0[lane]) = (change, slope);
+            let to = [&mut all.change, &mut all.velocity, &mut all.spread, &mut all.spreads];
+            to.into_iter().zip(last).for_each(|(to, value)| to.0[lane] = value);
+            all.raw.0[lane] = self.table.values[row * self.channels + channel];
         }
-        found
+        all
     }
 }
 
@@ -84,43 +123,74 @@ impl Courses {
         (time[start]..=time[end - 1]).contains(&(time[row] + later))
     }
 
-    fn change(&self, table: &Table, row: usize, channel: usize, later: f64) -> [f64; 2] {
-        let Some(time) = &table.time else { return [0.0; 2] };
-        let own = self.parabola(table, time, row, channel, self.reach[channel]);
+    /// Change, velocity, and the spread of (164) with its derivative.
+    fn moved(&self, table: &Table, row: usize, channel: usize, later: f64) -> [f64; 4] {
+        let Some(time) = &table.time else { return [0.0, 0.0, 1.0, 0.0] };
+        let reach = self.reach[channel];
+        let about = |row, terms| self.about(time, row, reach, terms);
+        let own = about(row, QUARTIC);
+        let [here, speed] = own.basis(0.0);
         if later == 0.0 {
-            return [0.0, own.slope];
+            let part = Part { local: own, value: [0.0; QUARTIC], slope: speed };
+            return self.sum(table, channel, row, &[part]);
         }
         let [start, end] = self.run[row].map(|row| row as usize);
         let at = time[row] + later;
         let after = start + time[start..end].partition_point(|t| *t <= at);
-        let about = |row| self.parabola(table, time, row, channel, self.reach[channel]);
+        let left = Part { local: own, value: here.map(|v| -v), slope: [0.0; QUARTIC] };
         if after == start || after == end {
             let edge = if after == start { start } else { end - 1 };
-            let last = if edge == row { own } else { about(edge) };
-            return [last.value + last.slope * (at - time[edge]) - own.value, last.slope];
+            let (last, line) = (about(edge, QUARTIC), about(edge, PARABOLA));
+            let ([value, _], [_, slope]) = (last.basis(0.0), line.basis(0.0));
+            let beyond = at - time[edge];
+            let last = Part { local: last, value, slope: [0.0; QUARTIC] };
+            let line = Part { local: line, value: slope.map(|s| s * beyond), slope };
+            return self.sum(table, channel, row, &[left, last, line]);
         }
-        let (before, next) = (about(after - 1), about(after));
+        let (before, next) = (about(after - 1, QUARTIC), about(after, QUARTIC));
         let step = time[after] - time[after - 1];
-        let (since, until) = (at - time[after - 1], at - time[after]);
-        let f = since / step;
+        let f = (at - time[after - 1]) / step;
         let (w, rise) = (f * f * (3.0 - 2.0 * f), 6.0 * f * (1.0 - f) / step);
-        let (p, q) = (before.at(since), next.at(until));
-        let slope = before.slope_at(since) * (1.0 - w) + next.slope_at(until) * w + rise * (q - p);
-        [p * (1.0 - w) + q * w - own.value, slope]
+        let part = |local: Local, share: f64, rise: f64| {
+            let [value, slope] = local.basis(at - local.origin);
+            let slope = std::array::from_fn(|k| share * slope[k] + rise * value[k]);
+            Part { local, value: value.map(|v| share * v), slope }
+        };
+        let parts = [left, part(before, 1.0 - w, -rise), part(next, w, rise)];
+        self.sum(table, channel, row, &parts)
     }
 
-    fn parabola(
-        &self,
-        table: &Table,
-        time: &[f64],
-        row: usize,
-        channel: usize,
-        reach: usize,
-    ) -> Parabola {
+    /// A sum of parts of polynomials, its derivative, and what it makes of the noise of a row: (164), and
+    /// half of its derivative by the root.
+    fn sum(&self, table: &Table, channel: usize, row: usize, parts: &[Part]) -> [f64; 4] {
+        let value = |row: usize| table.values[row * self.reach.len() + channel];
+        let own = parts[0].local.rows();
+        let ends =
+            |[a, b]: [usize; 2], part: &Part| [a.min(part.local.first), b.max(part.local.end)];
+        let [start, end] = parts[1..].iter().fold([usize::MAX, 0], ends);
+        let others = (start..end).filter(|k| !own.contains(k));
+        let [mut change, mut velocity, mut square, mut half] = [0.0; 4];
+        for k in own.clone().chain(others) {
+            let [mut weight, mut slope] = [0.0; 2];
+            for part in parts.iter().filter(|part| part.local.rows().contains(&k)) {
+                let [w, s] = part.weights(k);
+                (weight, slope) = (weight + w, slope + s);
+            }
+            // Weights sum to zero: what all rows have in common would only round.
+            let apart = value(k) - value(row);
+            (change, velocity) = (change + weight * apart, velocity + slope * apart);
+            let whole = weight + f64::from(u8::from(k == row));
+            (square, half) = (square + whole * whole, half + whole * slope);
+        }
+        let spread = square.sqrt();
+        [change, velocity, spread, half / spread]
+    }
+
+    /// Rows about one by which its polynomial is told.
+    fn about(&self, time: &[f64], row: usize, reach: usize, terms: usize) -> Local {
         let [start, end] = self.run[row].map(|row| row as usize);
-        let rows = row.saturating_sub(reach).max(start)..(row + reach + 1).min(end);
-        let channels = self.reach.len();
-        Parabola::through(rows.map(|r| [time[r] - time[row], table.values[r * channels + channel]]))
+        let (first, end) = (row.saturating_sub(reach).max(start), (row + reach + 1).min(end));
+        Local::through(time, first..end, time[row], terms)
     }
 
     /// The reach whose parabolas, each without its own row, predict the rows best.
@@ -132,11 +202,16 @@ impl Courses {
         };
         let rows: Vec<usize> = (0..self.run.len()).filter(inner).collect();
         let apart = rows.len().div_ceil(COMPARED).max(1);
-        let channels = self.reach.len();
+        let value = |row: usize| table.values[row * self.reach.len() + channel];
         let error = |reach: usize| -> f64 {
             let of_row = |&row: &usize| {
-                let p = self.parabola(table, time, row, channel, reach);
-                ((table.values[row * channels + channel] - p.value) / (1.0 - p.own)).powi(2)
+                let local = self.about(time, row, reach, PARABOLA);
+                let [here, slope] = local.basis(0.0);
+                let part = Part { local, value: here, slope };
+                let weight = |k: usize| part.weights(k)[0];
+                // Weights sum to one.
+                let off: f64 = local.rows().map(|k| weight(k) * (value(row) - value(k))).sum();
+                (off / (1.0 - weight(row))).powi(2)
             };
             rows.iter().step_by(apart).map(of_row).sum()
         };
@@ -146,49 +221,82 @@ impl Courses {
     }
 }
 
-/// A parabola about an instant: `value + slope t + bend t²`.
+/// Least-squares polynomials about an instant, by polynomials `p` that are orthogonal over the rows:
+/// `p_k+1 = (t - a_k) p_k - b_k p_k-1`.
 #[derive(Debug, Clone, Copy)]
-struct Parabola {
-    value: f64,
-    slope: f64,
-    bend: f64,
-    /// Weight in `value` of what was read at the instant itself.
-    own: f64,
+struct Local {
+    first: usize,
+    end: usize,
+    origin: f64,
+    a: [f64; QUARTIC],
+    b: [f64; QUARTIC],
+    /// Polynomials that these rows tell.
+    told: usize,
+    /// `p_k / Σ p_k²` at each row.
+    at_rows: [[f64; QUARTIC]; MOST],
 }
 
-impl Parabola {
-    /// The least-squares parabola through instants and values; a line through two, a constant through one.
-    ///
-    /// By the polynomials `1`, `u = t - m` and `q = u² - (s₃/s₂) u - s₂/n`, orthogonal over the instants.
-    fn through(points: impl Iterator<Item = [f64; 2]> + Clone) -> Self {
-        let sum = |f: &dyn Fn([f64; 2]) -> f64| points.clone().map(f).sum::<f64>();
-        let n = sum(&|_| 1.0);
-        let (m, mean) = (sum(&|[t, _]| t) / n, sum(&|[_, y]| y) / n);
-        let s2 = sum(&|[t, _]| (t - m).powi(2));
-        if s2 <= 0.0 {
-            return Self { value: mean, slope: 0.0, bend: 0.0, own: 1.0 / n };
+impl Local {
+    fn through(time: &[f64], rows: Range<usize>, origin: f64, terms: usize) -> Self {
+        let zero = [0.0; QUARTIC];
+        let (first, end, told) = (rows.start, rows.end, terms.min(rows.len()));
+        let (mut a, mut b, mut squares) = (zero, zero, zero);
+        let mut p = [zero; MOST];
+        let rows = &time[rows];
+        p.iter_mut().for_each(|p| p[0] = 1.0);
+        for k in 0..told {
+            let [mut square, mut moment] = [0.0; 2];
+            for (t, p) in rows.iter().zip(&p) {
+                let own = p[k] * p[k];
+                (square, moment) = (square + own, moment + (t - origin) * own);
+            }
+            (squares[k], a[k]) = (square, moment / square);
+            b[k] = if k > 0 { square / squares[k - 1] } else { 0.0 };
+            if k + 1 < told {
+                for (t, p) in rows.iter().zip(&mut p) {
+                    let before = if k > 0 { p[k - 1] } else { 0.0 };
+                    p[k + 1] = (t - origin - a[k]) * p[k] - b[k] * before;
+                }
+            }
         }
-        let skew = sum(&|[t, _]| (t - m).powi(3)) / s2;
-        let q = |t: f64| (t - m).powi(2) - skew * (t - m) - s2 / n;
-        let line = sum(&|[t, y]| (t - m) * y) / s2;
-        let sq = sum(&|[t, _]| q(t).powi(2));
-        // Three instants and more; the square of what two leave is rounding.
-        let bend = if n > 2.5 && sq > 0.0 { sum(&|[t, y]| q(t) * y) / sq } else { 0.0 };
-        let curved = if n > 2.5 && sq > 0.0 { q(0.0).powi(2) / sq } else { 0.0 };
-        Self {
-            value: mean - line * m + bend * q(0.0),
-            slope: line - bend * (2.0 * m + skew),
-            bend,
-            own: 1.0 / n + m * m / s2 + curved,
+        for p in &mut p {
+            p.iter_mut().zip(&squares[..told]).for_each(|(p, square)| *p /= square);
         }
+        Self { first, end, origin, a, b, told, at_rows: p }
     }
 
-    fn at(&self, t: f64) -> f64 {
-        self.value + (self.slope + self.bend * t) * t
+    fn rows(&self) -> Range<usize> {
+        self.first..self.end
     }
 
-    fn slope_at(&self, t: f64) -> f64 {
-        self.slope + 2.0 * self.bend * t
+    /// The polynomials and their slopes at an instant after the origin.
+    fn basis(&self, t: f64) -> [[f64; QUARTIC]; 2] {
+        let (mut p, mut d) = ([0.0; QUARTIC], [0.0; QUARTIC]);
+        p[0] = 1.0;
+        for k in 1..self.told {
+            let (u, b) = (t - self.a[k - 1], self.b[k - 1]);
+            let [before, slope] = if k > 1 { [p[k - 2], d[k - 2]] } else { [0.0; 2] };
+            p[k] = u * p[k - 1] - b * before;
+            d[k] = u * d[k - 1] + p[k - 1] - b * slope;
+        }
+        [p, d]
+    }
+}
+
+/// A share of a polynomial: values and slopes of its `p`.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    local: Local,
+    value: [f64; QUARTIC],
+    slope: [f64; QUARTIC],
+}
+
+impl Part {
+    /// Weight of a row in the share, and in its slope.
+    fn weights(&self, row: usize) -> [f64; 2] {
+        let Local { first, told, at_rows, .. } = &self.local;
+        let p = &at_rows[row - first];
+        [&self.value, &self.slope].map(|of| (0..*told).map(|k| of[k] * p[k]).sum::<f64>())
     }
 }
 
@@ -232,15 +340,16 @@ mod tests {
     }
 
     #[test]
-    fn a_parabola_is_its_own_course() {
-        let motion = |t: f64| 3.0 - 2.0 * t + 0.5 * t * t;
+    fn a_polynomial_of_fourth_degree_is_its_own_course() {
+        let motion = |t: f64| 3.0 - 2.0 * t + 0.5 * t * t - 0.1 * t.powi(3) + 0.02 * t.powi(4);
+        let speed = |t: f64| -2.0 + t - 0.3 * t * t + 0.08 * t.powi(3);
         let table = table(motion);
         let courses = Courses::of(&table, 1);
         for (row, later) in [(10, 0.234), (10, -0.71), (50, 1.5), (60, -0.05)] {
             let t = table.time.as_ref().expect("times")[row];
-            let [change, slope] = courses.change(&table, row, 0, later);
+            let [change, slope, ..] = courses.moved(&table, row, 0, later);
             assert!((change - (motion(t + later) - motion(t))).abs() < 1e-9, "{row} {later}");
-            assert!((slope - (t + later - 2.0)).abs() < 1e-9, "{row} {later}");
+            assert!((slope - speed(t + later)).abs() < 1e-8, "{row} {later}");
         }
     }
 
@@ -250,15 +359,15 @@ mod tests {
         let table = table(motion);
         let courses = Courses::of(&table, 1);
         // Row 39, at 3.9 s, is the last before the pause; the line there has the slope 7.8.
-        let [change, slope] = courses.change(&table, 38, 0, 0.5);
+        let [change, slope, ..] = courses.moved(&table, 38, 0, 0.5);
         assert!((slope - 7.8).abs() < 1e-9);
         assert!((change - (3.9 * 3.9 + 7.8 * 0.4 - 3.8 * 3.8)).abs() < 1e-9);
-        let [change, _] = courses.change(&table, 0, 0, -2.0);
+        let [change, ..] = courses.moved(&table, 0, 0, -2.0);
         assert!(change.abs() < 1e-9, "at rest at the beginning: {change}");
     }
 
     #[test]
-    fn fast_motion_has_short_parabolas_and_noise_long_ones() {
+    fn fast_motion_has_short_polynomials_and_noise_long_ones() {
         let fast = table(|t| (9.0 * t).sin());
         assert_eq!(Courses::of(&fast, 1).reach, [NEAREST]);
         // A slow motion with steps of a coarse encoder.
@@ -267,14 +376,34 @@ mod tests {
     }
 
     #[test]
-    fn the_velocity_is_the_slope_of_the_change() {
+    fn velocity_and_spread_have_their_derivatives() {
         let table = table(|t| (3.0 * t).sin() + 0.1 * (17.0 * t).cos());
         let courses = Courses::of(&table, 1);
-        for later in [-0.33, -0.1, 1e-6, 0.05, 0.1, 0.17, 0.9] {
-            let at = |later: f64| courses.change(&table, 20, 0, later);
+        for later in [-0.33, -0.1, 1e-6, 0.05, 0.1, 0.17, 0.9, 3.0] {
+            let at = |later: f64| courses.moved(&table, 20, 0, later);
             let step = 1e-6;
-            let difference = (at(later + step)[0] - at(later - step)[0]) / (2.0 * step);
-            assert!((difference - at(later)[1]).abs() < 1e-4, "{later}");
+            let (above, below) = (at(later + step), at(later - step));
+            for (k, slope) in [(0, at(later)[1]), (2, at(later)[3])] {
+                let difference = (above[k] - below[k]) / (2.0 * step);
+                assert!((difference - slope).abs() < 1e-4, "{later} {k}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_spread_is_that_of_a_reading_whose_rows_each_have_unit_noise() {
+        // The change is linear in what was read: its weights are what it makes of one row alone.
+        let still = table(|_| 0.0);
+        let rough = Courses { reach: vec![5], ..Courses::of(&still, 1) };
+        for (row, later) in [(20, 0.14), (20, 0.0), (20, 2.0), (33, 0.72), (2, -0.4)] {
+            let weight = |k: usize| {
+                let mut one = Table { values: vec![0.0; 80], ..still.clone() };
+                one.values[k] = 1.0;
+                one.values[row] + rough.moved(&one, row, 0, later)[0]
+            };
+            let variance: f64 = (0..80).map(|k| weight(k).powi(2)).sum();
+            let spread = rough.moved(&still, row, 0, later)[2];
+            assert!((spread - variance.sqrt()).abs() < 1e-9, "{row} {later}: {spread}");
         }
     }
 }

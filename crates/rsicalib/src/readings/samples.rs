@@ -496,7 +496,8 @@ impl Readings {
             None => (self, *rows),
         };
         let Self { table, courses, channels, .. } = whole;
-        Some(CourseAt { table, courses, channels: *channels, rows })
+        let of_many = self.merged.is_some();
+        Some(CourseAt { table, courses, channels: *channels, rows, of_many })
     }
 
     /// True where the recording goes on to an instant so much later than a row; true without a clock.

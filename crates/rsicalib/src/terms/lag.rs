@@ -2,6 +2,7 @@
 
 use crate::mechanism::{Closure, Mechanism, Target};
 use crate::numerics::lanes::Lanes;
+use crate::readings::course::Moved;
 use crate::terms::term::{Acts, Electronics, Info, Site, Term};
 
 term! {
@@ -40,12 +41,16 @@ impl Term for Lag {
 impl Electronics for Lag {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {
         let [before, _] = site.late;
-        change(site, before + p[0])[0] - change(site, before)[0]
+        let to = |lag| {
+            moved(site, lag).map_or(Lanes::ZERO, |to| to.change + error(site, &to) * more(&to))
+        };
+        to(before + p[0]) - to(before)
     }
 
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
         let [_, all] = site.late;
-        out[0] = change(site, all)[1];
+        let here = site.course.map(|course| course.moved(site.channel, all));
+        out[0] = here.map_or(Lanes::ZERO, |to| to.velocity + error(site, &to) * to.spreads);
     }
 
     fn is_delay(&self) -> bool {
@@ -53,11 +58,24 @@ impl Electronics for Lag {
     }
 
     fn slopes(&self, p: &[f64], site: &Site, out: &mut [Lanes]) {
-        let _ = (p, site, out); // the course is context: constant
+        let [before, _] = site.late;
+        let to = |lag| moved(site, lag).map_or(Lanes::ZERO, |to| more(&to));
+        out[site.channel] += to(before + p[0]) - to(before);
     }
 }
 
-/// `s(t + lag) - s(t)`, and its derivative by `lag`.
-fn change(site: &Site, lag: f64) -> [Lanes; 2] {
-    site.course.map_or([Lanes::ZERO; 2], |course| course.change(site.channel, lag))
+/// The samples of the channel at another instant, (164) and (165); none where that is their own.
+fn moved(site: &Site, lag: f64) -> Option<Moved> {
+    let course = site.course.filter(|_| lag != 0.0);
+    course.map(|course| course.moved(site.channel, lag))
+}
+
+/// What of a reading is noise, where the closures have moved it.
+fn error(site: &Site, to: &Moved) -> Lanes {
+    site.reading() - to.raw
+}
+
+/// By how much more that counts: as the noise of all rows that the course is made of.
+fn more(to: &Moved) -> Lanes {
+    to.spread - Lanes::ONE
 }
