@@ -577,7 +577,8 @@ def test_the_page_of_the_paper_has_every_table_and_every_misprint(tmp_path: Path
 
 
 def test_a_report_is_printed_on_few_sheets(tmp_path: Path) -> None:
-    """Tables of many rows are in two columns, and three pictures in a row: it was on five."""
+    """Tables of many rows are in two columns, and pictures side by side: it was on five."""
+    page = rsicalib.demo().report().replace("</style>", "@page { size: A4; }</style>", 1)
     file = tmp_path / "page.html"
-    file.write_text(rsicalib.demo().report(), encoding="utf-8")
-    assert sheets(file) <= 4
+    file.write_text(page, encoding="utf-8")
+    assert sheets(file) == 3

@@ -163,8 +163,9 @@ class Supposition(Told, Record):
 
     def report(self) -> str:
         """The same as one HTML file that needs no network."""
+        title = f"Suppose: {self.mechanism}"
         words = f"<pre>{escape(self.text())}</pre>\n{self.figure().html()}"
-        return document(f"Suppose: {self.mechanism}", [words])
+        return document(title, [f"<h1>{escape(title)}</h1>", words])
 
 
 @options.checked
