@@ -9,6 +9,7 @@ import pickle
 import re
 import signal
 import tomllib
+from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -339,6 +340,25 @@ def test_two_calibrations_of_the_same_readings_are_equal(calibration: Calibratio
     assert hash(again) == hash(calibration) and len({again, calibration}) == 1
     assert dataclasses.replace(calibration, note="another") != calibration
     assert calibration != 1
+
+
+def test_what_is_made_twice_is_equal_and_equal_to_its_pickle(traced: Trace) -> None:
+    """Also where it holds arrays, of which `==` would be one for each entry."""
+    session = DEMO / "readings.csv"
+    makes: list[Callable[[int], object]] = [
+        lambda seed: rsicalib.simulate(seed=seed),
+        lambda seed: rsicalib.simulate(seed=seed).readings,
+        lambda seed: rsicalib.plan(poses=12 + seed, candidates=50, starts=1),
+        lambda seed: rsicalib.observability(rsicalib.simulate(seed=seed).readings),
+        lambda seed: rsicalib.suppose(session, [f"curvature@a22.c2=0.0{seed}"]),
+        lambda seed: rsicalib.certify(traced, limit=0.01 * seed),
+        lambda seed: rsicalib.Placer(calibration=traced if seed == 1 else None),
+        lambda seed: rsicalib.workspace(traced, poses=9 + seed),
+    ]
+    for make in makes:
+        one, again, other = make(1), make(1), make(2)
+        assert one == again == pickle.loads(pickle.dumps(one)) and one != other
+        assert hash(one) == hash(again)
 
 
 def test_the_curve_that_is_drawn_is_that_of_the_step(traced: Trace) -> None:

@@ -72,6 +72,7 @@ def dots(ax: Axes, rows: Mapping[str, npt.ArrayLike], x_words: str) -> Axes:
     every = list(all_rows.values())
     # What was may be far off everywhere, where one reading bends the fit: what is must be seen.
     edge = min(_edge(np.concatenate([r.ravel() for r in every])), FAR * _edge(every[-1].ravel()))
+    told: dict[tuple[int, bool], tuple[float, str]] = {}
     for (name, values), colour in zip(all_rows.items(), (OLD, NEW)[-len(rows) :], strict=False):
         numbers = np.repeat(np.arange(1, len(values) + 1), values.shape[1])
         size, flat = 14 if len(values) <= 300 else 3, values.ravel()
@@ -84,9 +85,12 @@ def dots(ax: Axes, rows: Mapping[str, npt.ArrayLike], x_words: str) -> Axes:
                 ax.scatter(numbers[side], at[side], marker=mark, **look)
         far = np.flatnonzero(~inside)
         for k in far[np.argsort(-np.abs(flat[far]), kind="stable")][:LABELLED]:
-            up = flat[k] > 0
-            ax.annotate(f"{flat[k]:.0f}", (numbers[k], at[k]), color=colour, fontsize="small",
-                        ha="center", va="top" if up else "bottom")  # fmt: skip
+            place = (numbers[k], at[k] > 0)
+            # What is comes last, and its number stands where another would lie on it.
+            told[place] = max((told.get(place, (0.0, colour))[0], flat[k]), key=abs), colour
+    for (number, up), (value, colour) in told.items():
+        ax.annotate(f"{value:.0f}", (number, 0.94 * edge * (1 if up else -1)), color=colour,
+                    fontsize="small", ha="center", va="top" if up else "bottom")  # fmt: skip
     ax.set_ylim(-edge, edge)
     ax.set(xlabel=x_words, ylabel="residual / noise")
     if len(rows) > 1:

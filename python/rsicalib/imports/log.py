@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib import _core
-from rsicalib.arrays import IntArray
+from rsicalib.arrays import Alike, IntArray
 from rsicalib.facts.records import to_json
 from rsicalib.facts.warned import Warned
 from rsicalib.io.cells import MechanismLike
@@ -29,7 +29,7 @@ Column: TypeAlias = npt.NDArray[Any] | Sequence[str]
 
 
 @dataclass(frozen=True, eq=False)
-class Session:
+class Session(Alike):
     """Rows that were taken in one go, with the columns of a file of readings.
 
     Attributes
@@ -67,7 +67,7 @@ class Session:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Log(Told, Sealed):
+class Log(Alike, Told, Sealed):
     """What `import_log` makes of the log of another program.
 
     Attributes

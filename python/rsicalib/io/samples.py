@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rsicalib.arrays import FloatArray, IntArray
+from rsicalib.arrays import Alike, FloatArray, IntArray
 from rsicalib.facts.warned import Warned
 
 __all__ = ["Samples", "Skipped", "frozen", "picked"]
@@ -25,7 +25,7 @@ class Skipped:
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(Alike):
     """Samples of all channels, one row each: `n` samples of `C` channels.
 
     The docstring of `Readings` says what each field holds.

@@ -10,7 +10,7 @@ import numpy as np
 
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
-from rsicalib.arrays import FloatArray
+from rsicalib.arrays import Alike, FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import NOT_WRITTEN, Record
 from rsicalib.plots import lines, on_axes
@@ -62,8 +62,8 @@ class Measures(Record):
     """Largest first."""
 
 
-@dataclass(frozen=True, repr=False)
-class Observability(Tabular, Record):
+@dataclass(frozen=True, eq=False, repr=False)
+class Observability(Alike, Tabular, Record):
     """What poses can tell of the paper's parameters."""
 
     ROWS: ClassVar[str | None] = "channel"

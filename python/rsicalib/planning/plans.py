@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rsicalib.arrays import FloatArray
+from rsicalib.arrays import Alike, FloatArray
 from rsicalib.facts.records import IF_KNOWN, OMIT, Record
 from rsicalib.facts.shapes import Rms
 from rsicalib.io.cells import POSE
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 __all__ = ["Bound", "Forecast", "Hidden", "Plan", "Spread", "WorstHidden"]
 
 
-@dataclass(frozen=True)
-class Bound(Record):
+@dataclass(frozen=True, eq=False)
+class Bound(Alike, Record):
     """The least uncertainty that any unbiased estimate from these poses can have."""
 
     noise: float
@@ -104,8 +104,8 @@ class Forecast(Record):
     """The worst effect that could be there unseen."""
 
 
-@dataclass(frozen=True, repr=False)
-class Plan(Tabular, Record):
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(Alike, Tabular, Record):
     """Poses to visit."""
 
     mechanism: str

@@ -9,7 +9,7 @@ import numpy as np
 
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
-from rsicalib.arrays import FloatArray
+from rsicalib.arrays import Alike, FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import Record
 from rsicalib.io.cells import POSE
@@ -39,8 +39,8 @@ View: TypeAlias = Literal["xy", "xz", "yz"]
 """The plane that `plot` looks at."""
 
 
-@dataclass(frozen=True, repr=False)
-class Workspace(Tabular, Record):
+@dataclass(frozen=True, eq=False, repr=False)
+class Workspace(Alike, Tabular, Record):
     """Standard deviation of what a mechanism carries, over its workspace.
 
     Attributes

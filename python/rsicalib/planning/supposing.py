@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib import options
-from rsicalib.arrays import FloatArray
+from rsicalib.arrays import Alike, FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import Record
 from rsicalib.facts.shapes import Rms
@@ -74,7 +74,7 @@ class SupposedEffect(Record):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Supposition(Told, Record):
+class Supposition(Alike, Told, Record):
     """What an effect would do in given poses, to first order in its size."""
 
     mechanism: str
@@ -163,8 +163,9 @@ class Supposition(Told, Record):
 
     def report(self) -> str:
         """The same as one HTML file that needs no network."""
+        title = f"Suppose: {self.mechanism}"
         words = f"<pre>{escape(self.text())}</pre>\n{self.figure().html()}"
-        return document(f"Suppose: {self.mechanism}", [words])
+        return document(title, [f"<h1>{escape(title)}</h1>", words])
 
 
 @options.checked

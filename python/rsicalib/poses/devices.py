@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
-from rsicalib.arrays import FloatArray
+from rsicalib.arrays import Alike, FloatArray
 from rsicalib.errors import InputError
 from rsicalib.units import is_count
 
@@ -33,7 +33,7 @@ MARGIN = _core.MARGIN
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Device:
+class Device(Alike):
     """A mechanism whose offsets and gains are known.
 
     Attributes

@@ -52,6 +52,7 @@ class Placer:
         loaded, result = open_mechanism(mechanism), None
         if calibration is not None:
             result, loaded = earlier_result(calibration, loaded)
+        self._of = loaded, result
         self._core = _core.Placer(loaded, as_applied(result, loaded))
         self.names: tuple[str, ...] = tuple(self._core.names)
 
@@ -75,6 +76,15 @@ class Placer:
         """
         found: FloatArray = self._core.place(np.asarray(reading, dtype=np.float64))
         return found
+
+    def __reduce__(self) -> tuple[type[Placer], tuple[object, ...]]:
+        return type(self), self._of
+
+    def __eq__(self, other: object) -> bool:
+        return self._of == other._of if isinstance(other, Placer) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.names))
 
     def __repr__(self) -> str:
         return f"<Placer: {' '.join(self.names)}>"

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rsicalib import _core, options
-from rsicalib.arrays import FloatArray
+from rsicalib.arrays import Alike, FloatArray
 from rsicalib.facts.records import to_json
 from rsicalib.io.folders import MARK, TRUTH, Sealed
 from rsicalib.io.readings import Readings
@@ -28,7 +28,7 @@ POSE_S, SAMPLE_S = 15.0, 0.02
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Simulated(Sealed):
+class Simulated(Alike, Sealed):
     """A session of a simulated device.
 
     Attributes

@@ -66,10 +66,10 @@ class Figure:
 
 def whole(text: str) -> str:
     """Text of a page: options of commands, dates, numbers with a power of ten, probabilities,
-    values with their bounds and shares stay on one line.
+    values with their bounds, shares and multiples of σ stay on one line.
     """
     number = r"-?[0-9.]+(?:e-?[0-9]+)?"
-    broken = rf"\bp (?:=|&lt;) {number}|χ² {number}|{number} ± {number}|(?<![\w.]){number} %|"
+    broken = rf"\bp (?:=|&lt;) {number}|χ² {number}|{number} ± {number}|(?<![\w.]){number} [%σ]|"
     broken += r"(?<![\w-])--[a-z][a-z-]*|(?<![\w.])[0-9.]+e-[0-9]+|\b\d{4}-\d\d-\d\d\b"
     return re.sub(broken, r'<span class="whole">\g<0></span>', text)
 

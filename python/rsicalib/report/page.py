@@ -136,7 +136,9 @@ def mechanism_page(result: ResultShape, evidence: Evidence) -> str:
     if figure is None:
         return ""
     drawn = figure.html().replace('<figure id="mechanism"', '<figure id="mechanism" data-moving', 1)
-    return document(f"{result.mechanism} in its poses", [_headline(result, evidence), drawn])
+    title = f"{result.mechanism} in its poses"
+    parts = [f"<h1>{escape(title)}</h1>", _headline(result, evidence), drawn]
+    return document(title, parts)
 
 
 def figures(
@@ -189,7 +191,7 @@ def _sheet(running: str) -> str:
     text = "".join(c if c.isalnum() or c in " .-:" else f"\\{ord(c):x} " for c in running)
     number = 'counter(page) " / " counter(pages)'
     return (
-        f'@page {{ margin: 18mm 15mm; @top-left {{ content: "{text}"; font-size: 8pt; }} '
+        f'@page {{ margin: 16mm 15mm 12mm; @top-left {{ content: "{text}"; font-size: 8pt; }} '
         f"@top-right {{ content: {number}; font-size: 8pt; }} }}\n"
     )
 

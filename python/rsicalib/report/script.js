@@ -79,12 +79,14 @@
     document.dispatchEvent(new CustomEvent("hypothesis", { detail: fit }));
   };
 
-  const switched = () => {
+  let touched = false;
+  const switched = (event) => {
+    touched = touched || Boolean(event);
     const number = boxes.reduce((sum, box) => sum + (box.checked ? 1 << box.dataset.bit : 0), 0);
     const off = boxes.filter((box) => !box.checked).length;
     choices.forEach((choice, k) => { choice.checked = !off && k === named; });
     const words = `${off} of ${boxes.length} switches off: χ² / degrees of freedom `;
-    show(fits[number], off ? `${words}${fits[number].error[0]}.` : "All switches are on.");
+    show(fits[number], off ? `${words}${fits[number].error[0]}.` : touched ? "All switches are on." : "");
     document.body.dataset.fit = String(number);
   };
   const choose = (k) => {

@@ -92,7 +92,9 @@ def workspace_figure(
         return canvas.svg("standard deviation of what is carried, over the workspace")
 
     names = list(dict.fromkeys(one.of for one in slices if one.of is not None))
-    what = listed_words(names) if names else "the platform"
+    what = "the platform"
+    if names:
+        what = f"the point{'s' * (len(names) > 1)} {listed_words(names)}"
     caption = (
         f"How well the calibration places {what}: standard deviation of a coordinate, noise of a "
         f"reading not counted, from {number(least, 2)} to {number(most, 2)} {unit}"

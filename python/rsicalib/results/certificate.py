@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rsicalib.arrays import Alike
 from rsicalib.facts.certified import CertificateShape, Decision, Known, Source, Uncertainty
 from rsicalib.report.sheet import sheet
 from rsicalib.report.words import number
@@ -16,7 +17,7 @@ EXIT_CODES: dict[str, int] = {"within": 0, "not within": 4, "undecided": 3}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Certificate(Told, CertificateShape):
+class Certificate(Alike, Told, CertificateShape):
     """Whether the largest error of a calibrated mechanism is within a limit."""
 
     @property
