@@ -362,8 +362,7 @@ def budget(
     """What the largest error of a result over the rows of a table is made of, and how large it may be.
 
     `dof` are those of the noise, None where it was declared; `play` is the standard deviation of each
-    coordinate; `checked` is χ² at check points over its degrees of freedom, those, the standard deviation
-    that is predicted of them, and whether they were aligned, of a result that is not understood. The keys
+    coordinate; `checked` are known poses of a result that leaves something. The keys
     are those of the core's `Budget`.
     """
 

@@ -280,11 +280,14 @@ pub fn fixture<'py>(
 /// Term, target and place of an effect, and what its session leaves open of it.
 type PyUnseen<'py> = (PySpec, Bound<'py, PyAny>);
 
+/// Readings in known poses, number of the point that they are of, mean square of a coordinate of the errors,
+/// that by noise, and whether they were aligned.
+type PyChecked<'py> = (PyTable<'py>, Option<usize>, f64, f64, bool);
+
 /// What the largest error of a result over the rows of a table is made of, and how large it may be.
 ///
 /// `dof` are those of the noise, None where it was declared; `play` is the standard deviation of each
-/// coordinate; `checked` is χ² at check points over its degrees of freedom, those, the standard deviation
-/// that is predicted of them, and whether they were aligned, of a result that is not understood. The keys
+/// coordinate; `checked` are known poses of a result that leaves something. The keys
 /// are those of the core's `Budget`.
 #[pyfunction]
 #[pyo3(signature = (mechanism, applied, covariance, between, table, dof, play, unseen, orientation, confidence, draws, seed, checked=None))]
@@ -303,14 +306,17 @@ pub fn budget<'py>(
     confidence: f64,
     draws: usize,
     seed: u64,
-    checked: Option<(f64, f64, f64, bool)>,
+    checked: Option<PyChecked<'_>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (applied, table) = (applied.into(), table.table());
     let covariance = covariance.as_array().iter().copied().collect();
     let one = |(spec, left): PyUnseen<'py>| Ok((spec_of(spec), depythonize(&left)?));
     let unseen = unseen.into_iter().map(one).collect::<PyResult<Vec<_>>>()?;
     let dof = dof.unwrap_or(f64::INFINITY);
-    let checked = checked.map(|(ratio, dof, sd, aligned)| Checked { ratio, dof, sd, aligned });
+    let checked = checked.map(|(table, point, square, noise, aligned)| {
+        let table = table.table();
+        Checked { table, point, square, noise, aligned }
+    });
     let errors = Errors { covariance, between, dof, play, unseen, checked };
     let quantity = if orientation { Quantity::Orientation } else { Quantity::Position };
     let drawing = Drawing { quantity, confidence, draws, seed };

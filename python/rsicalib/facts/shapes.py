@@ -25,6 +25,7 @@ __all__ = [
     "Changed",
     "Changing",
     "Check",
+    "CheckReadings",
     "CurveLaw",
     "Data",
     "DependsOn",
@@ -829,6 +830,18 @@ class Hidden(Absent, Record):
 
 
 @dataclass(frozen=True)
+class CheckReadings(Record):
+    """Readings in known poses, the mean of each: they tell how large errors are elsewhere."""
+
+    readings: tuple[tuple[float, ...], ...]
+    """Pose by pose, channel by channel: 200 poses at the most, evenly spread over their order."""
+    temperature_c: tuple[float, ...] | None = field(default=None, metadata=IF_KNOWN)
+    """Temperature (°C), where it was measured."""
+    point: str | None = field(default=None, metadata=IF_KNOWN)
+    """The point whose places are known, where it was named."""
+
+
+@dataclass(frozen=True)
 class Alternative(Record):
     """A law that fits as well."""
 
@@ -1255,5 +1268,8 @@ class TraceShape(ResultShape):
     """What is left."""
     could_hide: tuple[Hidden, ...] = ()
     """Absent effects that would not have been seen."""
+    check_readings: CheckReadings | None = field(default=None, metadata=IF_KNOWN)
+    """Readings in the known poses, where the result leaves something: by these a certificate tells
+    how large its errors are."""
     not_candidates: Mapping[str, str] = field(default_factory=dict, metadata=OMIT)
     """Terms that could not be tried, and what the readings or the mechanism lack for them."""

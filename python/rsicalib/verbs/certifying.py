@@ -112,7 +112,7 @@ def certify(
     earlier, opened = earlier_result(result, opened)
     quantity, size, unit = _limit(limit, opened)
     table, places = _places(earlier, opened, at)
-    checked, uncertainty = _by_check(earlier, quantity), None
+    checked, uncertainty = _by_check(earlier, opened, quantity), None
     reasons = (*(() if checked is not None else _not_judged(earlier)), *_unsized(earlier, quantity))
     bound: tuple[str, ...] = ()
     times = None
@@ -217,12 +217,16 @@ def _places(
 
 def _held(result: Result, mechanism: Mechanism, exact: FloatArray) -> Readings:
     """Held poses with these readings, about as warm as the session where that is known."""
-    posed = bool(mechanism.to_dict().get("platform"))
-    number = np.arange(1, len(exact) + 1)
     mean = None if result.reference is None else result.reference.temperature
-    temperature = None if mean is None else mean + WARMER * (-1.0) ** number
-    own: Any = mechanism if posed else Bare(mechanism)
-    return Readings.from_arrays(own, exact, pose=number, temperature_c=temperature)
+    number = np.arange(1, len(exact) + 1)
+    return _at(mechanism, exact, None if mean is None else mean + WARMER * (-1.0) ** number)
+
+
+def _at(mechanism: Mechanism, values: FloatArray, temperature: npt.ArrayLike | None) -> Readings:
+    """Held poses with these readings."""
+    own: Any = mechanism if mechanism.to_dict().get("platform") else Bare(mechanism)
+    number = np.arange(1, len(values) + 1)
+    return Readings.from_arrays(own, values, pose=number, temperature_c=temperature)
 
 
 def _poses_of(at: Any, mechanism: Mechanism) -> FloatArray | None:
@@ -315,25 +319,36 @@ def _unsized(result: Result, quantity: str) -> tuple[str, ...]:
     return (f"How large {listed_words(names)} is at these places, not applied, is not known.",)
 
 
-Checked = tuple[float, float, float, bool]
+Checked = tuple[Mapping[str, Any], int | None, float, float, bool]
 
 
-def _by_check(result: Result, quantity: str) -> Checked | None:
+def _by_check(result: Result, mechanism: Mechanism, quantity: str) -> Checked | None:
     """What check points show of a result that leaves something, as the core takes it.
 
-    χ² by degree of freedom, those, what is predicted of a coordinate, and whether the motion of
-    the instrument was taken out.
+    Readings in them, the number of the point that they are of, the mean square of a coordinate of
+    the errors, that by noise, and whether the motion of the instrument was taken out.
     """
     if result.verdict not in LEFT or not isinstance(result, TraceShape):
         return None
-    check = result.quality.aligned or result.quality.check
-    told = None if check is None else check.predicted
-    if told is None or told.chi2 is None or told.dof is None or not told.dof > 0:
+    check, kept = result.quality.aligned or result.quality.check, result.check_readings
+    if kept is None or check is None or check.largest is None:
         return None
-    sd = told.position_sd if quantity == "position" else told.orientation_sd
-    if not sd or not any(h.unseen for h in result.could_hide):
+    if quantity == "position":
+        rms, noise = check.position_rms, check.largest.position_noise
+    else:
+        rms, noise = check.orientation_rms, check.largest.orientation_noise
+    if rms is None or noise is None or not any(h.unseen for h in result.could_hide):
         return None
-    return told.chi2 / told.dof, told.dof, sd, _aligned(result)
+    values = mechanism.to_dict()
+    posed, point = bool(values.get("platform")), None
+    if kept.point is not None:
+        if posed:  # a point of the platform: its orientation is part of the error
+            return None
+        carried = [p["name"] for p in values.get("point", ()) if p.get("chain")]
+        point = carried.index(kept.point)
+    readings = _at(mechanism, np.array(kept.readings), kept.temperature_c)
+    table = as_table([readings], mechanism, bare=not posed)
+    return table, point, rms**2, noise**2, _aligned(result)
 
 
 def _of_check(result: Result, times: float) -> tuple[str, ...]:

@@ -16,17 +16,9 @@
 //! max over places |e|                                                            (143)
 //! ```
 //!
-//! Where a result leaves something unexplained, nothing says that its covariance is right. Check points
-//! that were not fitted do: with their `χ²` by what the result predicts, of `ν` degrees of freedom and
-//! the standard deviation `p` of a coordinate, and with `q` of the effects that nobody named, `δ` and
-//! `h` are drawn
-//!
-//! ```text
-//! s² = max(1, χ²/ν · p²/(p² + q²)) · ν/χ²_ν                                      (146)
-//! ```
-//!
-//! times as large: as far as check points are places like any other. `q²` is the mean over the places,
-//! after the best rigid motion where that of the instrument was taken out.
+//! Of a result that leaves something unexplained `δ` and `h` of a draw are taken `s` times, (146): as large as
+//! errors at known poses show, as far as these are places like any other. Each draw has its own `s`, and a
+//! weight, since what it makes at the known poses is known beside what it makes elsewhere.
 //!
 //! Beyond the readings at which a shape was seen it is held. What it would change by going on, of one that
 //! was found or of one that nobody named, is drawn as well: `N(0, 1)` times as much, alike at all places.
@@ -34,13 +26,14 @@
 //! The rows of the budget are of the place that is known least: `u² = tr var e`, source by source,
 //! so that squares add up, and degrees of freedom are those of Welch and Satterthwaite.
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::Error;
 use crate::apply::accuracy::rigid_motions;
 use crate::apply::earlier::{Applied, Reported, Under, opened, outlasts};
 use crate::apply::places::Placed;
 use crate::apply::poses::short_way;
+use crate::apply::scale::Sizes;
 use crate::apply::slopes::{Slopes, carried_slopes, platform_slopes};
 use crate::apply::unseen::Unseen;
 use crate::mechanism::Mechanism;
@@ -78,16 +71,18 @@ pub struct Errors {
     pub checked: Option<Checked>,
 }
 
-/// Errors at check points beside what is predicted of them.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Errors at known poses that were not fitted.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Checked {
-    /// χ² over its degrees of freedom.
-    pub ratio: f64,
-    /// Those degrees of freedom.
-    pub dof: f64,
-    /// Standard deviation of a coordinate that is predicted of them [length unit or rad].
-    pub sd: f64,
-    /// True where the motion of the instrument was taken out of their errors.
+    /// The mean readings in them, row by row.
+    pub table: Table,
+    /// Which point they are of, among those that chains carry; none: the platform, or the only one.
+    pub point: Option<usize>,
+    /// Mean square of a coordinate of what is asked for.
+    pub square: f64,
+    /// The same by the noise of the readings.
+    pub noise: f64,
+    /// True where the motion of the instrument was taken out.
     pub aligned: bool,
 }
 
@@ -134,7 +129,7 @@ pub struct Budget {
     pub median: f64,
     /// Noise and play alone make the largest error at least so large, with the same probability.
     pub least: f64,
-    /// How much larger what is not noise is than predicted, by check points: `s` of (146) at its best.
+    /// How much larger what is not noise is than predicted, by known poses: the median of `s` of (146).
     pub times: f64,
     /// Row of the place that is known least.
     pub row: usize,
@@ -146,6 +141,11 @@ pub struct Budget {
 
 /// Effects that have a row of their own.
 const ROWS: usize = 6;
+
+/// Draws are taken again so often at the most, while those that count are fewer than this part of
+/// those that are asked for.
+const ROUNDS: usize = 8;
+const FEW: f64 = 0.25;
 
 /// The budget of a result, of the largest error over the rows of a table.
 ///
@@ -160,23 +160,27 @@ pub fn budget(
     table: Table,
     drawing: &Drawing,
 ) -> Result<Budget, Error> {
-    let places = Places::new(mechanism, applied, errors, table, drawing.quantity)?;
+    let mut places = Places::new(mechanism, applied, errors, table, drawing.quantity)?;
+    let known = errors.checked.as_ref().map(|checked| {
+        let own = (mechanism, applied, errors);
+        Known::new(own, checked, drawing.quantity)
+    });
+    let known = known.transpose()?;
+    let draws = places.draws(errors, known.as_ref(), drawing);
+    if known.is_some() {
+        places.after(&draws);
+    }
     let (row, shares) = places.least_known(errors);
     let u = shares.iter().map(|s| s.u * s.u).sum::<f64>().sqrt();
     let fourth = shares.iter().filter_map(|s| Some(s.u.powi(4) / s.dof?)).sum::<f64>();
-    let (largest, by_noise) = places.largest(errors, drawing);
-    let quantile = |sorted: &[f64], p: f64| {
-        let at = (p * sorted.len() as f64).ceil() as usize;
-        let at = at.clamp(1, sorted.len().max(1)) - 1;
-        sorted.get(at).copied().unwrap_or(f64::NAN)
-    };
+    let largest = |p| quantile(&draws, |drawn| drawn.largest, p);
     Ok(Budget {
         budget: shares,
         u,
         dof: (fourth > 0.0).then(|| u.powi(4) / fourth),
-        expanded: quantile(&largest, drawing.confidence),
-        median: quantile(&largest, 0.5),
-        least: quantile(&by_noise, 1.0 - drawing.confidence),
+        expanded: largest(drawing.confidence),
+        median: largest(0.5),
+        least: quantile(&draws, |drawn| drawn.by_noise, 1.0 - drawing.confidence),
         times: places.times,
         row: places.all[row].row,
         places: places.all.len(),
@@ -200,6 +204,9 @@ fn of_its_session(mechanism: &Mechanism, applied: &Applied) -> Result<Vec<String
 /// How the error of a place follows its sources: three coordinates each.
 struct Place {
     row: usize,
+    /// Which point it is of, and where it is.
+    point: usize,
+    at: Vector3<f64>,
     /// By the independent errors of the parameters, one standard deviation each.
     parameters: DMatrix<f64>,
     /// By what changes between placements, in the same way.
@@ -219,8 +226,38 @@ struct Places {
     /// Names of the effects that are unseen, their probability and their mean with the root of their covariance.
     effects: Vec<Effect>,
     play: f64,
-    /// How much larger what is not noise is than predicted, by check points.
+    /// How much larger what is not noise is than predicted, and by how many degrees of freedom that is known.
     times: f64,
+    times_dof: Option<f64>,
+}
+
+/// What known poses say of draws.
+struct Known {
+    places: Places,
+    motions: DMatrix<f64>,
+    sizes: Sizes,
+}
+
+/// What is one draw for all places, as it is predicted.
+struct Common {
+    parameters: Vec<f64>,
+    between: Vec<f64>,
+    /// Number of the effect that is there.
+    effect: Option<usize>,
+    /// Its first parameter among all, and its parameters.
+    first: usize,
+    own: Vec<f64>,
+    /// How much of what held shapes would change by going on.
+    on: f64,
+}
+
+/// One draw.
+struct Drawn {
+    largest: f64,
+    by_noise: f64,
+    effect: Option<usize>,
+    times: f64,
+    weight: f64,
 }
 
 struct Effect {
@@ -331,7 +368,7 @@ impl Places {
         let angles = quantity == Quantity::Orientation;
         let from = if angles { 3 } else { 0 };
         let width = at.len() / under.readings.samples.max(1);
-        let (mut all, mut positions) = (Vec::new(), Vec::new());
+        let mut all = Vec::new();
         for (k, s) in slopes.iter().enumerate() {
             let here = &at[s.row * width..(s.row + 1) * width];
             for first in (from..if posed { from + 3 } else { width }).step_by(3) {
@@ -353,9 +390,11 @@ impl Places {
                 };
                 let (parameters, effects) = (slopes * &by_root, slopes * &changes);
                 let between = slopes * &by_change;
-                positions.push(Vector3::from_row_slice(&here[first - from..first - from + 3]));
+                let at = Vector3::from_row_slice(&here[first - from..first - from + 3]);
                 all.push(Place {
                     row: s.row,
+                    point: first / 3,
+                    at,
                     parameters,
                     between,
                     effects,
@@ -369,13 +408,21 @@ impl Places {
             return Err(Error::Empty("no place is left to be certain of".into()));
         }
         let play = if quantity == Quantity::Position { errors.play } else { 0.0 };
-        let times = errors.checked.map_or(1.0, |checked| {
-            let aligned = checked.aligned && !angles;
-            let unseen = mean_square(&effects, &all, if aligned { &positions } else { &[] });
-            let named = checked.sd * checked.sd;
-            (checked.ratio * named / (named + unseen)).max(1.0).sqrt()
-        });
-        Ok(Self { all, effects, play, times })
+        Ok(Self { all, effects, play, times: 1.0, times_dof: None })
+    }
+
+    /// What known poses have shown: how much larger errors are than predicted, and which effect is there.
+    fn after(&mut self, draws: &[Drawn]) {
+        let whole: f64 = draws.iter().map(|drawn| drawn.weight).sum();
+        for (k, effect) in self.effects.iter_mut().enumerate() {
+            let with = draws.iter().filter(|drawn| drawn.effect == Some(k));
+            effect.probability = with.map(|drawn| drawn.weight).sum::<f64>() / whole;
+        }
+        let [low, middle, high] = [0.159, 0.5, 0.841].map(|p| quantile(draws, |d| d.times, p));
+        // JCGM 100, G.3, of the relative uncertainty of an uncertainty.
+        let spread = (high - low) / (2.0 * middle);
+        self.times = middle;
+        self.times_dof = (spread > 0.0).then(|| 0.5 / (spread * spread));
     }
 
     /// The place that is known least, and what its uncertainty is made of.
@@ -390,7 +437,7 @@ impl Places {
 
     fn shares(&self, place: &Place, errors: &Errors) -> Vec<Share> {
         let dof = Some(errors.dof).filter(|dof| dof.is_finite());
-        let (by_check, times) = (errors.checked.map(|c| c.dof), self.times);
+        let (by_check, times) = (self.times_dof, self.times);
         let share = |source, u: f64, dof| Share { source, effect: None, u, dof };
         let mut shares = vec![
             share("parameters", times * place.parameters.norm(), by_check.or(dof)),
@@ -426,31 +473,44 @@ impl Places {
         shares
     }
 
-    /// Draws of (143), sorted; those of noise and play alone as well.
-    fn largest(&self, errors: &Errors, drawing: &Drawing) -> (Vec<f64>, Vec<f64>) {
+    /// Draws of (143). Where known poses speak against most of them, more are taken.
+    fn draws(&self, errors: &Errors, known: Option<&Known>, drawing: &Drawing) -> Vec<Drawn> {
         let mut random = Draws::new(drawing.seed);
-        let draws = (0..drawing.draws).map(|_| self.one(errors, &mut random));
-        let (mut all, mut by_noise): (Vec<f64>, Vec<f64>) = draws.unzip();
-        all.sort_by(f64::total_cmp);
-        by_noise.sort_by(f64::total_cmp);
-        (all, by_noise)
+        let mut draws = Vec::new();
+        for _ in 0..ROUNDS {
+            draws.extend((0..drawing.draws).map(|_| self.one(errors, known, &mut random)));
+            let sum = |of: &dyn Fn(&Drawn) -> f64| draws.iter().map(of).sum::<f64>();
+            let (weight, squares) = (sum(&|d| d.weight), sum(&|d| d.weight * d.weight));
+            if weight * weight >= FEW * drawing.draws as f64 * squares {
+                break;
+            }
+        }
+        if draws.iter().all(|drawn| drawn.weight <= 0.0) {
+            // None is as small as what was seen: what is predicted stands.
+            draws.iter_mut().for_each(|drawn| drawn.weight = 1.0);
+        }
+        draws
     }
 
     /// One draw of the largest error, and of that by noise and play alone.
-    fn one(&self, errors: &Errors, random: &mut Draws) -> (f64, f64) {
-        let Some(first) = self.all.first() else { return (0.0, 0.0) };
+    fn one(&self, errors: &Errors, known: Option<&Known>, random: &mut Draws) -> Drawn {
+        let widths = self
+            .all
+            .first()
+            .map_or([0; 2], |first| [first.parameters.ncols(), first.between.ncols()]);
         // Noise that is estimated is itself uncertain: Student's distribution.
         let scale = random.student_scale(errors.dof);
-        let by_check = errors.checked.map_or(1.0, |c| self.times * random.student_scale(c.dof));
-        let common: Vec<f64> =
-            (0..first.parameters.ncols()).map(|_| by_check * scale * random.normal()).collect();
-        let shift: Vec<f64> =
-            (0..first.between.ncols()).map(|_| by_check * random.normal()).collect();
-        let effect = self.pick(random).map(|effect| {
-            let drawn = effect.drawn(random);
-            (effect.first, drawn.into_iter().map(|h| by_check * h).collect::<Vec<f64>>())
-        });
-        let on = if first.held.is_empty() { 0.0 } else { random.normal() };
+        let mut normal = |n: usize| -> Vec<f64> { (0..n).map(|_| random.normal()).collect() };
+        let parameters = normal(widths[0]).into_iter().map(|z| scale * z).collect();
+        let between = normal(widths[1]);
+        let effect = self.pick(random);
+        let there = effect.map(|k| &self.effects[k]);
+        let (first, own) = there.map_or((0, Vec::new()), |it| (it.first, it.drawn(random)));
+        let holds = |places: &Self| places.all.first().is_some_and(|p| !p.held.is_empty());
+        let held = holds(self) || known.is_some_and(|known| holds(&known.places));
+        let on = if held { random.normal() } else { 0.0 };
+        let common = Common { parameters, between, effect, first, own, on };
+        let (times, weight) = known.map_or((1.0, 1.0), |known| known.times(&common, random));
         let mut reading: Vec<f64> = Vec::new();
         let (mut row, mut largest, mut by_noise) = (usize::MAX, 0.0_f64, 0.0_f64);
         for place in &self.all {
@@ -460,37 +520,97 @@ impl Places {
             }
             let (mut square, mut noise) = (0.0, 0.0);
             for i in 0..3 {
-                let sum = |by: &DMatrix<f64>, first: usize, z: &[f64]| -> f64 {
-                    z.iter().enumerate().map(|(k, z)| by[(i, first + k)] * z).sum()
-                };
-                let mut new = sum(&place.noise, 0, &reading);
+                let mut new = sum(&place.noise, i, 0, &reading);
                 if self.play > 0.0 {
                     new += self.play * random.normal();
                 }
-                let named = sum(&place.parameters, 0, &common) + sum(&place.between, 0, &shift);
-                let mut unseen = effect.as_ref().map_or(0.0, |(at, h)| sum(&place.effects, *at, h));
-                if let Some(held) = place.held.get(i) {
-                    let other =
-                        effect.as_ref().map_or(0.0, |(at, h)| sum(&place.effects_held, *at, h));
-                    unseen += on * (by_check * held + other);
-                }
-                square += (new + named + unseen).powi(2);
+                square += (new + times * common.does(place, i)).powi(2);
                 noise += new * new;
             }
             largest = largest.max(square);
             by_noise = by_noise.max(noise);
         }
-        (largest.sqrt(), by_noise.sqrt())
+        let (largest, by_noise) = (largest.sqrt(), by_noise.sqrt());
+        Drawn { largest, by_noise, effect, times, weight }
     }
 
     /// One of the unseen effects, by their probabilities.
-    fn pick(&self, random: &mut Draws) -> Option<&Effect> {
+    fn pick(&self, random: &mut Draws) -> Option<usize> {
         let mut left = random.uniform();
-        self.effects.iter().find(|effect| {
+        self.effects.iter().position(|effect| {
             left -= effect.probability;
             left < 0.0
         })
     }
+}
+
+impl Common {
+    /// What it does to a coordinate of a place.
+    fn does(&self, place: &Place, i: usize) -> f64 {
+        let unseen = |by: &DMatrix<f64>| match self.effect {
+            Some(_) => sum(by, i, self.first, &self.own),
+            None => 0.0,
+        };
+        let named = sum(&place.parameters, i, 0, &self.parameters)
+            + sum(&place.between, i, 0, &self.between);
+        let on = place.held.get(i).map_or(0.0, |held| held + unseen(&place.effects_held));
+        named + unseen(&place.effects) + self.on * on
+    }
+}
+
+impl Known {
+    fn new(
+        (mechanism, applied, errors): (&Mechanism, &Applied, &Errors),
+        checked: &Checked,
+        quantity: Quantity,
+    ) -> Result<Self, Error> {
+        let mut places = Places::new(mechanism, applied, errors, checked.table.clone(), quantity)?;
+        places.all.retain(|place| checked.point.is_none_or(|point| place.point == point));
+        // A motion of the instrument is found from places alone.
+        let moved = checked.aligned && quantity == Quantity::Position;
+        let at: Vec<_> = places.all.iter().filter(|_| moved).map(|place| place.at).collect();
+        let (motions, coordinates) = (rigid_motions(&at), 3.0 * places.all.len() as f64);
+        // Of a coordinate that is left, as many as no motion takes up.
+        let free = (coordinates - motions.ncols() as f64).max(1.0);
+        let part = coordinates / free;
+        let sizes = Sizes::of(checked.square * part, checked.noise * part, free);
+        Ok(Self { places, motions, sizes })
+    }
+
+    /// How much larger a draw is than predicted, and its weight.
+    fn times(&self, common: &Common, random: &mut Draws) -> (f64, f64) {
+        let coordinates = 3 * self.places.all.len();
+        let of = |k: usize, _| common.does(&self.places.all[k / 3], k % 3);
+        let mut made = DVector::from_fn(coordinates, of);
+        if self.motions.nrows() == coordinates {
+            made -= &self.motions * (self.motions.transpose() * &made);
+        }
+        let made = made.norm_squared();
+        if made > 0.0 {
+            ((self.sizes.draw(made, random) / made).sqrt(), self.sizes.weight(made))
+        } else {
+            (1.0, self.sizes.weight(0.0))
+        }
+    }
+}
+
+/// One coordinate, by causes from a first one on.
+fn sum(by: &DMatrix<f64>, i: usize, first: usize, causes: &[f64]) -> f64 {
+    causes.iter().enumerate().map(|(k, z)| by[(i, first + k)] * z).sum()
+}
+
+/// Quantile of draws with weights.
+fn quantile(draws: &[Drawn], of: impl Fn(&Drawn) -> f64, p: f64) -> f64 {
+    let mut sorted: Vec<[f64; 2]> = draws.iter().map(|drawn| [of(drawn), drawn.weight]).collect();
+    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let whole: f64 = sorted.iter().map(|[_, weight]| weight).sum();
+    let mut below = 0.0;
+    let at = sorted.iter().find(|[_, weight]| {
+        below += weight;
+        // As many as are asked for, but for the rounding of sums.
+        below >= (p - 1e-12) * whole
+    });
+    at.or(sorted.last()).map_or(f64::NAN, |[value, _]| *value)
 }
 
 /// Derivatives of a pose, or of the points that chains carry.
@@ -499,21 +619,6 @@ fn slopes_of(under: &Under, beta: &[f64], posed: bool) -> Result<Vec<Slopes>, Er
         true => platform_slopes(&under.model, &under.readings, beta, &under.noise, 1),
         false => carried_slopes(&under.model, &under.readings, beta),
     }
-}
-
-/// Mean square of a coordinate by unseen effects, what a motion of all places takes up left out.
-fn mean_square(effects: &[Effect], all: &[Place], moved: &[Vector3<f64>]) -> f64 {
-    let width = all.first().map_or(0, |place| place.effects.ncols());
-    let mut by = DMatrix::zeros(3 * all.len(), width);
-    for (k, place) in all.iter().enumerate() {
-        by.rows_mut(3 * k, 3).copy_from(&place.effects);
-    }
-    if !moved.is_empty() {
-        let motions = rigid_motions(moved);
-        by -= &motions * (motions.transpose() * &by);
-    }
-    let sum: f64 = effects.iter().map(|effect| effect.probability * effect.square(&by)).sum();
-    sum / (3 * all.len()) as f64
 }
 
 /// Unseen effects that act on these readings as well, beside a session whose mean temperature was `warmth`:

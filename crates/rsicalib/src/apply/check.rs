@@ -35,6 +35,38 @@ pub struct Check {
     pub misread: Option<Misread>,
 }
 
+/// Readings in known poses, the mean of each: they tell how large errors are elsewhere.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+pub struct CheckReadings {
+    /// Pose by pose, channel by channel: 200 poses at the most, evenly spread over their order.
+    pub readings: Vec<Vec<f64>>,
+    /// Temperature (°C), where it was measured.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub temperature_c: Option<Vec<f64>>,
+    /// The point whose places are known, where it was named.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub point: Option<String>,
+}
+
+/// Known poses whose readings are kept.
+const KEPT: usize = 200;
+
+impl CheckReadings {
+    /// Of known poses.
+    #[must_use]
+    pub(crate) fn of(mechanism: &Mechanism, known: &Known) -> Self {
+        let channels = mechanism.channels.len();
+        let all = rows_of_known(&known.table, channels, &known.poses).concat();
+        let count = all.len().min(KEPT);
+        let parts: Vec<_> = (0..count).map(|k| all[k * all.len() / count].clone()).collect();
+        let Table { values, temperature, .. } = average(&known.table, channels, &parts);
+        let readings = values.chunks_exact(channels).map(<[f64]>::to_vec).collect();
+        Self { readings, temperature_c: temperature, point: known.point.clone() }
+    }
+}
+
 /// The largest errors of the platform pose, and what noise of the readings does to each.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

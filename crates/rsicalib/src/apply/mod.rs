@@ -15,5 +15,6 @@ pub mod moved;
 pub mod placer;
 pub mod places;
 pub mod poses;
+pub(crate) mod scale;
 pub(crate) mod slopes;
 pub mod unseen;

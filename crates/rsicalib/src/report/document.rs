@@ -11,6 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::apply::accuracy::Predicted;
+use crate::apply::check::CheckReadings;
 use crate::apply::earlier::Reference;
 use crate::diagnosis::detectability::Detectability;
 use crate::diagnosis::elsewhere::Elsewhere;
@@ -230,6 +231,10 @@ result! {
         /// Absent effects that would not have been seen.
         #[serde(default)]
         could_hide: Vec<Detectability>,
+        /// Readings in the known poses, where the result leaves something: by these a certificate tells
+        /// how large its errors are.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        check_readings: Option<CheckReadings>,
         /// Terms that could not be tried, and what the readings or the mechanism lack for them.
         #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
         not_candidates: BTreeMap<String, String>,

@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::apply::change::{PlatformRms, apart, platform_difference};
+use crate::apply::check::CheckReadings;
 use crate::diagnosis::curve::curve;
 use crate::diagnosis::curve_law::{CurveLaw, curve_law};
 use crate::diagnosis::detectability::{Detectability, could_hide};
@@ -316,6 +317,9 @@ pub struct TraceReport {
     pub unexplained: Unexplained,
     /// What could be there unseen, worst first.
     pub could_hide: Vec<Detectability>,
+    /// Readings in the known poses, where something is left.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub check_readings: Option<CheckReadings>,
     /// Noise, parameters, covariance and the rest, of the fit after.
     #[cfg_attr(feature = "serde", serde(flatten))]
     pub estimates: Estimates,
@@ -448,6 +452,9 @@ pub fn traced(
     let text = words::sentences(&said);
     progress.enter(Stage::Detectability);
     let hidden = could_hide(&traced, search)?;
+    // By known poses a result that leaves something says how large its errors are.
+    let leaves = matches!(verdict, Verdict::PartlyExplained | Verdict::Unexplained);
+    let known = beside.and_then(|beside| beside.known.as_ref()).filter(|_| leaves);
     let report = TraceReport {
         verdict,
         reasons,
@@ -477,6 +484,7 @@ pub fn traced(
             law: unknown.and_then(|law| FoundLaw::of(&observations.mechanism, law)),
         },
         could_hide: hidden,
+        check_readings: known.map(|known| CheckReadings::of(&observations.mechanism, known)),
         estimates,
         before_residuals: match &traced.stretches {
             Some(_) => by_pose(&traced.observations, &traced.before),
