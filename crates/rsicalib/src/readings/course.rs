@@ -20,6 +20,7 @@
 //! a_j(lag) = a_j + s(t_j + lag) - s(t_j),    V = Σ_k (δ_jk + c_k(t_j + lag) - c_k(t_j))²    (164)
 //! ```
 
+use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -40,6 +41,11 @@ const NEAREST: usize = 2;
 const QUARTIC: usize = 5;
 const PARABOLA: usize = 3;
 
+const ZERO: [f64; QUARTIC] = [0.0; QUARTIC];
+
+/// Rows of a recording whose polynomials are kept: a bound on memory, 6 MB for each reach.
+const KEPT: usize = 8192;
+
 stated! {
     /// A pause of so many usual times between rows is no part of a course.
     pub(crate) fn pause() -> f64 = 4.0;
@@ -55,6 +61,8 @@ pub(crate) struct Courses {
     run: Vec<[u32; 2]>,
     /// Reach of the polynomials of each channel.
     reach: Vec<usize>,
+    /// Polynomials about each row by their reach: instants alone tell them.
+    locals: [OnceLock<Vec<Local>>; FARTHEST + 1],
 }
 
 /// The courses about the eight samples of a block.
@@ -111,7 +119,8 @@ impl Courses {
     /// Of a table with a time column.
     pub fn of(table: &Table, channels: usize) -> Self {
         let run = runs(table);
-        let mut courses = Self { run, reach: vec![FARTHEST; channels] };
+        let locals = [const { OnceLock::new() }; FARTHEST + 1];
+        let mut courses = Self { run, reach: vec![FARTHEST; channels], locals };
         courses.reach = (0..channels).map(|c| courses.best_reach(table, c)).collect();
         courses
     }
@@ -127,63 +136,52 @@ impl Courses {
     fn moved(&self, table: &Table, row: usize, channel: usize, later: f64) -> [f64; 4] {
         let Some(time) = &table.time else { return [0.0, 0.0, 1.0, 0.0] };
         let reach = self.reach[channel];
-        let about = |row, terms| self.about(time, row, reach, terms);
-        let own = about(row, QUARTIC);
+        let own = self.local(time, row, reach);
         let [here, speed] = own.basis(0.0);
+        let sum = |mut of_own: Weights, others: Weights| {
+            let still = later == 0.0;
+            let (value, slope) = if still { (ZERO, speed) } else { (here.map(|v| -v), ZERO) };
+            of_own.add(&own, value, slope);
+            let value = |row: usize| table.values[row * self.reach.len() + channel];
+            of_own.and(&others).of(row, value)
+        };
         if later == 0.0 {
-            let part = Part { local: own, value: [0.0; QUARTIC], slope: speed };
-            return self.sum(table, channel, row, &[part]);
+            return sum(Weights::from(own.first), Weights::from(row));
         }
         let [start, end] = self.run[row].map(|row| row as usize);
         let at = time[row] + later;
         let after = start + time[start..end].partition_point(|t| *t <= at);
-        let left = Part { local: own, value: here.map(|v| -v), slope: [0.0; QUARTIC] };
         if after == start || after == end {
             let edge = if after == start { start } else { end - 1 };
-            let (last, line) = (about(edge, QUARTIC), about(edge, PARABOLA));
+            let (last, line) =
+                (self.local(time, edge, reach), self.about(time, edge, reach, PARABOLA));
             let ([value, _], [_, slope]) = (last.basis(0.0), line.basis(0.0));
-            let beyond = at - time[edge];
-            let last = Part { local: last, value, slope: [0.0; QUARTIC] };
-            let line = Part { local: line, value: slope.map(|s| s * beyond), slope };
-            return self.sum(table, channel, row, &[left, last, line]);
+            let mut others = Weights::from(last.first);
+            others.add(&last, value, ZERO);
+            others.add(&line, slope.map(|s| s * (at - time[edge])), slope);
+            return sum(Weights::from(own.first), others);
         }
-        let (before, next) = (about(after - 1, QUARTIC), about(after, QUARTIC));
+        let (before, next) = (self.local(time, after - 1, reach), self.local(time, after, reach));
         let step = time[after] - time[after - 1];
         let f = (at - time[after - 1]) / step;
         let (w, rise) = (f * f * (3.0 - 2.0 * f), 6.0 * f * (1.0 - f) / step);
-        let part = |local: Local, share: f64, rise: f64| {
+        let mut others = Weights::from(before.first);
+        for (local, share, rise) in [(before, 1.0 - w, -rise), (next, w, rise)] {
             let [value, slope] = local.basis(at - local.origin);
             let slope = std::array::from_fn(|k| share * slope[k] + rise * value[k]);
-            Part { local, value: value.map(|v| share * v), slope }
-        };
-        let parts = [left, part(before, 1.0 - w, -rise), part(next, w, rise)];
-        self.sum(table, channel, row, &parts)
+            others.add(&local, value.map(|v| share * v), slope);
+        }
+        sum(Weights::from(own.first), others)
     }
 
-    /// A sum of parts of polynomials, its derivative, and what it makes of the noise of a row: (164), and
-    /// half of its derivative by the root.
-    fn sum(&self, table: &Table, channel: usize, row: usize, parts: &[Part]) -> [f64; 4] {
-        let value = |row: usize| table.values[row * self.reach.len() + channel];
-        let own = parts[0].local.rows();
-        let ends =
-            |[a, b]: [usize; 2], part: &Part| [a.min(part.local.first), b.max(part.local.end)];
-        let [start, end] = parts[1..].iter().fold([usize::MAX, 0], ends);
-        let others = (start..end).filter(|k| !own.contains(k));
-        let [mut change, mut velocity, mut square, mut half] = [0.0; 4];
-        for k in own.clone().chain(others) {
-            let [mut weight, mut slope] = [0.0; 2];
-            for part in parts.iter().filter(|part| part.local.rows().contains(&k)) {
-                let [w, s] = part.weights(k);
-                (weight, slope) = (weight + w, slope + s);
-            }
-            // Weights sum to zero: what all rows have in common would only round.
-            let apart = value(k) - value(row);
-            (change, velocity) = (change + weight * apart, velocity + slope * apart);
-            let whole = weight + f64::from(u8::from(k == row));
-            (square, half) = (square + whole * whole, half + whole * slope);
+    /// The polynomials of fourth degree about a row; those of a recording that is not long are kept.
+    fn local(&self, time: &[f64], row: usize, reach: usize) -> Cow<'_, Local> {
+        let of = |row| self.about(time, row, reach, QUARTIC);
+        if time.len() > KEPT {
+            return Cow::Owned(of(row));
         }
-        let spread = square.sqrt();
-        [change, velocity, spread, half / spread]
+        let all = self.locals[reach].get_or_init(|| (0..time.len()).map(of).collect());
+        Cow::Borrowed(&all[row])
     }
 
     /// Rows about one by which its polynomial is told.
@@ -206,12 +204,11 @@ impl Courses {
         let error = |reach: usize| -> f64 {
             let of_row = |&row: &usize| {
                 let local = self.about(time, row, reach, PARABOLA);
-                let [here, slope] = local.basis(0.0);
-                let part = Part { local, value: here, slope };
-                let weight = |k: usize| part.weights(k)[0];
+                let mut weights = Weights::from(local.first);
+                weights.add(&local, local.basis(0.0)[0], ZERO);
                 // Weights sum to one.
-                let off: f64 = local.rows().map(|k| weight(k) * (value(row) - value(k))).sum();
-                (off / (1.0 - weight(row))).powi(2)
+                let off: f64 = weights.rows().map(|(k, [w, _])| w * (value(row) - value(k))).sum();
+                (off / (1.0 - weights.at(row)[0])).powi(2)
             };
             rows.iter().step_by(apart).map(of_row).sum()
         };
@@ -265,10 +262,6 @@ impl Local {
         Self { first, end, origin, a, b, told, at_rows: p }
     }
 
-    fn rows(&self) -> Range<usize> {
-        self.first..self.end
-    }
-
     /// The polynomials and their slopes at an instant after the origin.
     fn basis(&self, t: f64) -> [[f64; QUARTIC]; 2] {
         let (mut p, mut d) = ([0.0; QUARTIC], [0.0; QUARTIC]);
@@ -283,20 +276,73 @@ impl Local {
     }
 }
 
-/// A share of a polynomial: values and slopes of its `p`.
+/// Weights of neighbouring rows in a value, and in its derivative by the instant.
 #[derive(Debug, Clone, Copy)]
-struct Part {
-    local: Local,
-    value: [f64; QUARTIC],
-    slope: [f64; QUARTIC],
+struct Weights {
+    first: usize,
+    end: usize,
+    of: [[f64; 2]; 2 * MOST + 1],
 }
 
-impl Part {
-    /// Weight of a row in the share, and in its slope.
-    fn weights(&self, row: usize) -> [f64; 2] {
-        let Local { first, told, at_rows, .. } = &self.local;
-        let p = &at_rows[row - first];
-        [&self.value, &self.slope].map(|of| (0..*told).map(|k| of[k] * p[k]).sum::<f64>())
+impl Weights {
+    /// None, of rows from `first` on.
+    const fn from(first: usize) -> Self {
+        Self { first, end: first, of: [[0.0; 2]; 2 * MOST + 1] }
+    }
+
+    /// Adds a polynomial, given by values and slopes of its `p`.
+    fn add(&mut self, local: &Local, value: [f64; QUARTIC], slope: [f64; QUARTIC]) {
+        self.end = self.end.max(local.end);
+        let at = local.first - self.first;
+        for (to, p) in self.of[at..].iter_mut().zip(&local.at_rows[..local.end - local.first]) {
+            for k in 0..QUARTIC {
+                to[0] += value[k] * p[k];
+                to[1] += slope[k] * p[k];
+            }
+        }
+    }
+
+    fn rows(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
+        (self.first..self.end).zip(self.of)
+    }
+
+    /// Weights of a row; zero for one that has none.
+    fn at(&self, row: usize) -> [f64; 2] {
+        if (self.first..self.end).contains(&row) { self.of[row - self.first] } else { [0.0; 2] }
+    }
+
+    /// These with others, each row once.
+    fn and<'a>(&'a self, others: &'a Self) -> Sum<'a> {
+        Sum { own: self, others }
+    }
+}
+
+/// Weights in two groups of neighbouring rows that may have rows in common.
+struct Sum<'a> {
+    own: &'a Weights,
+    others: &'a Weights,
+}
+
+impl Sum<'_> {
+    /// The sum that has these weights of a change since `row`, its derivative, and what both make of the noise of
+    /// that row: (164), and its derivative.
+    fn of(&self, row: usize, value: impl Fn(usize) -> f64) -> [f64; 4] {
+        let Self { own, others } = self;
+        let both = own.rows().map(|(k, [w, s])| {
+            let [more, steeper] = others.at(k);
+            (k, [w + more, s + steeper])
+        });
+        let alone = others.rows().filter(|(k, _)| !(own.first..own.end).contains(k));
+        let [mut change, mut velocity, mut square, mut half] = [0.0; 4];
+        for (k, [weight, slope]) in both.chain(alone) {
+            // Weights sum to zero: what all rows have in common would only round.
+            let apart = value(k) - value(row);
+            (change, velocity) = (change + weight * apart, velocity + slope * apart);
+            let whole = weight + f64::from(u8::from(k == row));
+            (square, half) = (square + whole * whole, half + whole * slope);
+        }
+        let spread = square.sqrt();
+        [change, velocity, spread, half / spread]
     }
 }
 
