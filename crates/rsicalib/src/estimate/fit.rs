@@ -97,6 +97,13 @@ pub fn fit(
             solve(observations, model.clone(), priors.clone(), start, noise)
         })
     };
+    let found = found.map(|mut fit| {
+        // What no start led to is there: without readings that were wrong, or beside an effect.
+        if fit.plausible && fit.chi2 < observations.options.good_start * fit.dof {
+            fit.warnings.retain(|it| !it.is_no_start());
+        }
+        fit
+    });
     let no_scale = |fit: &Fit| fit.has_no_scale() || search::shrunk(&fit.model, &fit.beta);
     match (from, found) {
         (None, Ok(found)) if no_scale(&found) => Err(Error::Option {

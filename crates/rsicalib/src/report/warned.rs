@@ -144,7 +144,8 @@ pub enum Kind {
 /// What is suspicious: about the wiring as of the first fit, about the rest as of the last.
 #[must_use]
 pub fn warnings(observations: &Observations, before: &Fit, after: &Fit) -> Vec<Warned> {
-    let wiring = before.warnings.iter().filter(|s| s.of_wiring());
+    let holds = |s: &&Suspicion| s.of_wiring() && !(s.is_no_start() && after.has_start());
+    let wiring = before.warnings.iter().filter(holds);
     let rest = after.warnings.iter().filter(|s| !s.of_wiring());
     wiring.chain(rest).map(|s| of_suspicion(&observations.mechanism, s)).collect()
 }
