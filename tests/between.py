@@ -3,9 +3,9 @@
 `python -m tests.between --arms 400` prints, for 3, 5 and 8 placements, how many 95 % intervals of
 the parameters hold the mean arm, and how many of predicted positions hold an arm at a placement
 that was not recorded; beside them what intervals within placements hold, the share of arms whose
-interval of the component holds the truth, how often p is below 5 %, and χ² of the halves. At each
-placement a ball on the tool rests in one cone in 30 poses; offsets and the ball differ by `--sd`
-typical sizes from placement to placement.
+interval of the component holds the truth, how often p is below 5 % and readings are left out as
+damaged, and χ² of the halves. At each placement a ball on the tool rests in one cone in 30 poses;
+offsets and the ball differ by `--sd` typical sizes from placement to placement.
 """
 
 from __future__ import annotations
@@ -98,6 +98,8 @@ class Counts:
     within: list[bool] = field(default_factory=list)
     interval: list[bool] = field(default_factory=list)
     small: list[bool] = field(default_factory=list)
+    damaged: list[bool] = field(default_factory=list)
+    """Where readings were left out, of which none is damaged."""
     halves: list[float] = field(default_factory=list)
     """χ² of the difference of the halves, per parameter."""
 
@@ -120,6 +122,7 @@ def one(mechanism: rsicalib.Mechanism, seed: int, placements: int, sd: float, in
     into.mean += list(np.abs(off) < 1.96 * sd_between)
     into.interval.append(between.interval[0] <= sd <= between.interval[1])
     into.small.append(between.p_value < 0.05)
+    into.damaged.append(bool(found.excluded))
     if between.halves is not None:
         into.halves.append(between.halves.chi2_between)
     covariance = np.array(between.covariance, dtype=float)[:7, :7]
@@ -171,7 +174,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(
                 f"sd {sd}, {placements} placements: mean arm {share['mean']:.1f} %, elsewhere "
                 f"{share['elsewhere']:.1f} % (within {share['within']:.1f} %), interval of the "
-                f"component {share['interval']:.1f} %, p < .05 in {share['small']:.1f} %; halves "
+                f"component {share['interval']:.1f} %, p < .05 in {share['small']:.1f} %, readings "
+                f"left out in {share['damaged']:.1f} %; halves "
                 f"differ by χ² per parameter {halves.mean():.2f} ± {spread:.2f}, "
                 f"{np.median(halves):.2f} in the median",
                 flush=True,

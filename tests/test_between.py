@@ -34,6 +34,13 @@ def test_intervals_hold_at_placements_that_were_not_recorded() -> None:
     assert np.mean(found.small) > 0.8, "the component is seen"
 
 
+def test_a_placement_that_differs_as_a_whole_has_no_move_in_it() -> None:
+    # Of arms like these every other one had a tool that was said to move after three samples of a
+    # placement, the rest of which was left out.
+    found = between.counted(sized(4, 12), 5, 0.005)
+    assert not any(found.damaged)
+
+
 def test_where_nothing_changes_none_is_seen() -> None:
     found = between.counted(ARMS, 3, 0.0)
     assert np.mean(found.interval) > 0.7

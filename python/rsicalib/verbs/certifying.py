@@ -333,9 +333,9 @@ def _by_check(result: Result, mechanism: Mechanism, quantity: str) -> Checked | 
     check, kept = result.quality.aligned or result.quality.check, result.check_readings
     if kept is None or check is None or check.largest is None:
         return None
-    if quantity == "position":
-        rms, noise = check.position_rms, check.largest.position_noise
-    else:
+    rms: float | None = check.position_rms
+    noise = check.largest.position_noise
+    if quantity == "orientation":
         rms, noise = check.orientation_rms, check.largest.orientation_noise
     if rms is None or noise is None or not any(h.unseen for h in result.could_hide):
         return None

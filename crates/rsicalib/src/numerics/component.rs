@@ -24,7 +24,8 @@ use crate::numerics::symmetric::eigenvalues;
 pub struct Component {
     /// Most likely standard deviation.
     pub sd: f64,
-    /// Where its likelihood is within 95 %.
+    /// Between 2.5 and 97.5 % of it, with (171) beforehand; from 0 on where none at all is within 95 % of
+    /// the likelihood.
     pub interval: [f64; 2],
     /// Probability by chance of so much, were there none.
     pub p_value: f64,
@@ -106,33 +107,64 @@ impl Contrasts {
         Some(std::iter::once([0.0, 0.5 * first]).chain(all).collect())
     }
 
+    /// What is told of standard deviations; none where even effects of their typical sizes would not be seen.
+    fn tried(&self) -> Option<Tried> {
+        let one = |[ratio, width]: [f64; 2]| {
+            let [cost, noise] = self.at(ratio * ratio);
+            [ratio * noise.sqrt(), cost, noise, width * self.beforehand(ratio)]
+        };
+        let mut all: Vec<[f64; 4]> = self.ratios()?.into_iter().map(one).collect();
+        let best = all.iter().copied().min_by(|a, b| a[1].total_cmp(&b[1]))?;
+        let fall = all[0][1] - best[1];
+        all.iter_mut().for_each(|t| t[3] *= (-0.5 * (t[1] - best[1])).exp());
+        let sum: f64 = all.iter().map(|t| t[3]).sum();
+        all.iter_mut().for_each(|t| t[3] /= sum);
+        Some(Tried { all, sd: best[0], fall })
+    }
+
     /// The component; none where even effects of their typical sizes would not be seen.
     pub(crate) fn component(&self) -> Option<Component> {
-        // Standard deviation, its `-2 ln L` and `φ`, and how likely it and its neighbours are beforehand.
-        let tried: Vec<[f64; 4]> = self
-            .ratios()?
-            .into_iter()
-            .map(|[ratio, width]| {
-                let [cost, noise] = self.at(ratio * ratio);
-                [ratio * noise.sqrt(), cost, noise, width * self.beforehand(ratio)]
-            })
-            .collect();
-        let best = tried.iter().copied().min_by(|a, b| a[1].total_cmp(&b[1]))?;
-        let fall = tried[0][1] - best[1];
-        let likely = tried.iter().filter(|t| t[1] <= best[1] + WITHIN).map(|t| t[0]);
-        let interval = likely.fold([f64::INFINITY, 0.0_f64], |[l, h], sd| [l.min(sd), h.max(sd)]);
-        let mean = |of: &dyn Fn(&[f64; 4]) -> f64| {
-            let weight = |t: &[f64; 4]| t[3] * (-0.5 * (t[1] - best[1])).exp();
-            let all: f64 = tried.iter().map(weight).sum();
-            tried.iter().map(|t| weight(t) * of(t)).sum::<f64>() / all
-        };
+        let tried = self.tried()?;
+        let mean = |of: &dyn Fn(&[f64; 4]) -> f64| tried.all.iter().map(|t| t[3] * of(t)).sum();
+        let size = within(|size| mean(&|t| beyond(size, t[0])));
         Some(Component {
-            sd: best[0],
-            interval,
-            p_value: if fall > 0.0 { 0.5 * chi2_tail(fall, 1.0) } else { 1.0 },
-            variance: (within(|size| mean(&|t| beyond(size, t[0]))) / WITHIN.sqrt()).powi(2),
+            sd: tried.sd,
+            interval: tried.interval(),
+            p_value: if tried.fall > 0.0 { 0.5 * chi2_tail(tried.fall, 1.0) } else { 1.0 },
+            variance: (size / WITHIN.sqrt()).powi(2),
             noise: mean(&|t| t[2]),
         })
+    }
+}
+
+/// Standard deviations that are tried.
+struct Tried {
+    /// Each in ascending order, its `-2 ln L` and `φ`, and how probable it and its neighbours are.
+    all: Vec<[f64; 4]>,
+    /// The most likely.
+    sd: f64,
+    /// How far `-2 ln L` falls to it from none at all.
+    fall: f64,
+}
+
+impl Tried {
+    fn interval(&self) -> [f64; 2] {
+        let [low, high] = [0.025, 0.975].map(|p| self.quantile(p));
+        [if self.fall <= WITHIN { 0.0 } else { low.min(self.sd) }, high.max(self.sd)]
+    }
+
+    /// Half of the probability of a place that is tried is below it.
+    fn quantile(&self, p: f64) -> f64 {
+        let (mut below, mut last) = (0.0, [0.0, 0.0]);
+        for &[value, .., probability] in &self.all {
+            let here = below + 0.5 * probability;
+            if here >= p {
+                let part = if here > last[1] { (p - last[1]) / (here - last[1]) } else { 1.0 };
+                return last[0] + part * (value - last[0]);
+            }
+            (below, last) = (below + probability, [value, here]);
+        }
+        last[0]
     }
 }
 
@@ -220,6 +252,48 @@ mod tests {
             let found = told.component().expect("seen");
             let interval = found.variance.sqrt() * WITHIN.sqrt();
             assert!((interval / (student * s) - 1.0).abs() < 0.03, "{k}: {interval}");
+        }
+    }
+
+    #[test]
+    fn equal_contrasts_have_the_interval_of_chi_square() {
+        let s: f64 = 1e-3;
+        // 2.5 and 97.5 % of χ² of k degrees of freedom, from tables.
+        for (k, least, most) in
+            [(2, 0.050_636, 7.377_76), (3, 0.215_795, 9.348_40), (7, 1.689_87, 16.012_8)]
+        {
+            let pairs = vec![[1e12, (1e12 * s).powi(2)]; k];
+            let chi2 = 1e6 + k as f64 * 1e12 * s * s;
+            let told = Contrasts { pairs, chi2, dof: 1e6, least: 1.0 };
+            let [low, high] = told.tried().expect("seen").interval();
+            let k = k as f64;
+            assert!((low / s / (k / most).sqrt() - 1.0).abs() < 0.01, "{k}: {low}");
+            assert!((high / s / (k / least).sqrt() - 1.0).abs() < 0.01, "{k}: {high}");
+        }
+    }
+
+    #[test]
+    fn unequal_contrasts_beside_noise_have_intervals_that_hold() {
+        use crate::numerics::draws::Draws;
+        let (mut random, trials, rest) = (Draws::new(23), 3000, 1000);
+        for (count, sd) in [(4, 0.01), (28, 0.005)] {
+            let mut held = 0.0;
+            for _ in 0..trials {
+                // From well known to hardly seen: τ²c from 100 to 0.1.
+                let c = |k: usize| 10.0_f64.powf(2.0 - 3.0 * k as f64 / count as f64) / (sd * sd);
+                let pairs: Vec<[f64; 2]> = (0..count)
+                    .map(|k| [c(k), c(k) * (1.0 + sd * sd * c(k)) * random.normal().powi(2)])
+                    .collect();
+                let noise: f64 = (0..rest).map(|_| random.normal().powi(2)).sum();
+                let chi2 = noise + pairs.iter().map(|[c, square]| square / c).sum::<f64>();
+                let told = Contrasts { pairs, chi2, dof: (rest + count) as f64, least: 0.0 };
+                let [low, high] = told.tried().expect("seen").interval();
+                held += f64::from(u8::from(low <= sd && sd <= high));
+            }
+            let share = held / f64::from(trials);
+            // Three standard errors.
+            let scatter = 3.0 * (0.95 * 0.05 / f64::from(trials)).sqrt();
+            assert!((share - 0.95).abs() < scatter, "{count}: {share}");
         }
     }
 }
