@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -99,9 +99,10 @@ KINDS = {
 }
 
 
-def report(kind: str, seeds: range) -> Iterator[str]:
-    """A line for each recording."""
-    truth = KINDS[kind]
+def report(kind: str, seeds: range, noise: float) -> Iterator[str]:
+    """A line for each recording, and one of the delays of all: errors, and what is told of them."""
+    truth = replace(KINDS[kind], noise=noise)
+    errors: list[tuple[float, float]] = []
     for seed in seeds:
         found = rsicalib.trace(recording(seed, truth), "so101")
         steps = ", ".join(
@@ -113,6 +114,17 @@ def report(kind: str, seeds: range) -> Iterator[str]:
             f"{kind} {seed}: {found.verdict}; {steps or 'nothing named'}; misclosure "
             f"{found.before.rms_misclosure:.2f} → {found.after.rms_misclosure:.2f}"
         )
+        of_all = [s.parameters[0] for s in found.steps if (s.term, s.target) == ("lag", NAME)]
+        errors += [((p.value or 0.0) - truth.delay, p.sd or np.nan) for p in of_all]
+    if len(errors) > 1:
+        off, sd = 1e3 * np.array(errors).T
+        square = (off / sd) ** 2
+        yield (
+            f"{kind}, {len(off)} delays of all: error {off.mean():.3f} ± "
+            f"{off.std(ddof=1) / len(off) ** 0.5:.3f} ms, its sd {off.std(ddof=1):.3f}, told "
+            f"{np.mean(sd**2) ** 0.5:.3f}; mean square of error over told sd {square.mean():.2f} ± "
+            f"{square.std(ddof=1) / len(off) ** 0.5:.2f}"
+        )
 
 
 def main() -> None:
@@ -121,9 +133,10 @@ def main() -> None:
     parser.add_argument("--kind", choices=KINDS, action="append")
     parser.add_argument("--count", type=int, default=5)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--noise", type=float, default=Truth.noise, help="of a follower, percent")
     args = parser.parse_args()
     for kind in args.kind or KINDS:
-        for line in report(kind, range(args.seed, args.seed + args.count)):
+        for line in report(kind, range(args.seed, args.seed + args.count), args.noise):
             print(line, flush=True)
 
 

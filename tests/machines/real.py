@@ -4,7 +4,7 @@
 names begin so, with the mechanism file beside it: what is named, with its 95 % interval; χ² and
 misclosure before and after; and every parameter of the result that the quick fits have. Where a
 tracker saw the machine, how far it is from the tracker's points, which no fit sees, after a rigid
-motion: as drawn, with the offsets that the file asks for, with those of all joints, and as traced.
+motion: as drawn, with the offsets that the file asks for, and as traced.
 """
 
 from __future__ import annotations
@@ -71,18 +71,12 @@ def described(answer: dict[str, Any]) -> list[str]:
 
 def off(file: Path, seen: Path) -> str:
     """Root mean square distance from a tracker's points of each fit of a session."""
-    asked = {"as drawn": "nominal", "offsets asked for": "before", "traced": "after"}
-    mechanism = mechanism_of(file)
-    traced = rsicalib.trace(file, mechanism, check=seen, align=True).to_dict()
-    answers = {words: traced[fit] for words, fit in asked.items()}
-    of_all = rsicalib.calibrate(file, mechanism, terms=["offset"], check=seen, align=True)
-    answers["offsets of all joints"] = of_all.to_dict()["after"]
-    # Told is the mean of three coordinates.
-    off = {words: 3**0.5 * fit["aligned"]["position_rms"] for words, fit in answers.items()}
-    unit = traced["length_unit"]
-    return "  off the tracker's points: " + ", ".join(
-        f"{words} {value:.3g} {unit}" for words, value in off.items()
-    )
+    fits = {"as drawn": "nominal", "with the offsets asked for": "before", "as traced": "after"}
+    traced = rsicalib.trace(file, mechanism_of(file), check=seen, align=True).to_dict()
+    # Told is the root mean square of one coordinate.
+    off = {words: 3**0.5 * traced[fit]["aligned"]["position_rms"] for words, fit in fits.items()}
+    told = ", ".join(f"{words} {value:.3g}" for words, value in off.items())
+    return f"  off the tracker's points [{traced['length_unit']}]: {told}"
 
 
 def main(data: Path, *begins: str) -> None:

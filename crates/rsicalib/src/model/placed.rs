@@ -9,16 +9,6 @@
 //!
 //! This is where a fit starts; it then settles `ξ` with the weights of the noise, (59). Of mirror
 //! solutions the one is taken that the search finds from where the mechanism's file looks for it.
-//!
-//! Near a pose in which what is unknown has a free motion there is another solution across that pose. With
-//! the direction `v` that moves the closures least, their change `b = B v` and its change `q` along `v`, the
-//! squares along `v` have their other minimum where
-//!
-//! ```text
-//! ½ q·q t² + ³⁄₂ b·q t + b·b + f·q = 0                                     (169)
-//! ```
-//!
-//! at the root farther from zero. From there the search begins again.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -37,9 +27,6 @@ const STEPS: usize = 60;
 
 /// A step of this part of the place is none.
 const STILL: f64 = 1e-13;
-
-/// Step by which (169) is differentiated, in parts of the place.
-const STEP: f64 = 1e-5;
 
 /// The other of two solutions is taken where it leaves less than this part of the squares.
 const CLEARLY: f64 = 0.25;
@@ -91,10 +78,15 @@ impl Model {
         let mut best = self.nearest(readings, block, a, beta, drawn.collect(), ws);
         let among = self.among(readings, block, beta, ws);
         let other = self.nearest(readings, block, a, beta, among, ws);
-        best.take_better(&other);
-        if let Some(across) = self.across(readings, block, a, beta, &best, ws) {
-            let other = self.nearest(readings, block, a, beta, across, ws);
-            best.take_better(&other);
+        for lane in 0..WIDTH {
+            let size: f64 = best.xi.iter().map(|x| x.0[lane].abs()).fold(0.0, f64::max);
+            let closed = best.cost[lane] < (1e-9 * size).powi(2);
+            let better = other.cost[lane] < CLEARLY * best.cost[lane] || best.cost[lane].is_nan();
+            if !closed && better {
+                for (best, other) in best.xi.iter_mut().zip(&other.xi) {
+                    best.0[lane] = other.0[lane];
+                }
+            }
         }
         a[..self.scales.len()].iter().copied().chain(best.xi).collect()
     }
@@ -130,70 +122,6 @@ impl Model {
         xi
     }
 
-    /// The equations at a place.
-    fn look(
-        &self,
-        readings: &Readings,
-        block: usize,
-        a: &[Lanes],
-        beta: &[f64],
-        xi: &[Lanes],
-        ws: &mut Workspace,
-    ) -> Near {
-        let at: Vec<Lanes> = a[..self.scales.len()].iter().chain(xi).copied().collect();
-        self.evaluate_at(readings, block, &at, beta, Want { x: false, a: true }, ws);
-        let mut cost = [0.0; WIDTH];
-        for (f, length) in ws.f.iter().zip(&self.lengths()) {
-            cost.iter_mut().zip(f.0).for_each(|(cost, f)| *cost += (f * length).powi(2));
-        }
-        Near { xi: xi.to_vec(), f: ws.f.clone(), b: ws.b.clone(), cost }
-    }
-
-    /// Across the pose with a free motion that is next to each place, (169); none where no place has one.
-    fn across(
-        &self,
-        readings: &Readings,
-        block: usize,
-        a: &[Lanes],
-        beta: &[f64],
-        here: &Near,
-        ws: &mut Workspace,
-    ) -> Option<Vec<Lanes>> {
-        let lengths = self.lengths();
-        let open = |lane: usize| !here.closed(lane);
-        let weak: Vec<Option<DVector<f64>>> =
-            (0..WIDTH).map(|lane| open(lane).then(|| here.weakest(lane, &lengths))?).collect();
-        if weak.iter().all(Option::is_none) {
-            return None;
-        }
-        let moved = |by: &dyn Fn(usize) -> f64| -> Vec<Lanes> {
-            let mut xi = here.xi.clone();
-            for (lane, v) in weak.iter().enumerate() {
-                let Some(v) = v else { continue };
-                xi.iter_mut().zip(v.iter()).for_each(|(x, v)| x.0[lane] += by(lane) * v);
-            }
-            xi
-        };
-        let step = |lane: usize| STEP * (1.0 + here.size(lane));
-        let ahead = self.look(readings, block, a, beta, &moved(&step), ws);
-        let back = self.look(readings, block, a, beta, &moved(&|lane| -step(lane)), ws);
-        let mut found = [0.0; WIDTH];
-        for (lane, t) in found.iter_mut().enumerate().filter(|(lane, _)| weak[*lane].is_some()) {
-            let [mut qq, mut bq, mut bb, mut fq] = [0.0; 4];
-            for (k, length) in lengths.iter().enumerate() {
-                let of = |near: &Near| near.f[k].0[lane] * length;
-                let (f, ahead, back) = (of(here), of(&ahead), of(&back));
-                let b = (ahead - back) / (2.0 * step(lane));
-                let q = (ahead - 2.0 * f + back) / step(lane).powi(2);
-                (qq, bq, bb, fq) = (qq + q * q, bq + b * q, bb + b * b, fq + f * q);
-            }
-            let square = 2.25 * bq * bq - 2.0 * qq * (bb + fq);
-            let root = (-1.5 * bq - square.sqrt().copysign(bq)) / qq;
-            *t = if root.is_finite() { root } else { 0.0 };
-        }
-        found.iter().any(|t| *t != 0.0).then(|| moved(&|lane| found[lane]))
-    }
-
     /// Damped least squares from a start, lane by lane.
     fn nearest(
         &self,
@@ -205,7 +133,15 @@ impl Model {
         ws: &mut Workspace,
     ) -> Near {
         let lengths = self.lengths();
-        let mut look = |xi: &[Lanes]| self.look(readings, block, a, beta, xi, ws);
+        let mut look = |xi: &[Lanes]| {
+            let at: Vec<Lanes> = a[..self.scales.len()].iter().chain(xi).copied().collect();
+            self.evaluate_at(readings, block, &at, beta, Want { x: false, a: true }, ws);
+            let mut cost = [0.0; WIDTH];
+            for (f, length) in ws.f.iter().zip(&lengths) {
+                cost.iter_mut().zip(f.0).for_each(|(cost, f)| *cost += (f * length).powi(2));
+            }
+            Near { xi: xi.to_vec(), f: ws.f.clone(), b: ws.b.clone(), cost }
+        };
         let mut here = look(&start);
         let mut damping = [1e-3; WIDTH];
         for _ in 0..STEPS {
@@ -283,39 +219,6 @@ impl Near {
         }
         let step = gram.cholesky()?.solve(&slope);
         step.iter().all(|s| s.is_finite()).then_some(step)
-    }
-
-    /// The direction that moves the closures least; none that moves them by rounding only.
-    fn weakest(&self, lane: usize, lengths: &[f64]) -> Option<DVector<f64>> {
-        let n = self.xi.len();
-        let b = DMatrix::from_fn(lengths.len(), n, |k, j| self.b[k * n + j].0[lane] * lengths[k]);
-        if !b.iter().all(|b| b.is_finite()) {
-            return None;
-        }
-        let eigen = (b.transpose() * b).symmetric_eigen();
-        let (least, value) = eigen.eigenvalues.argmin();
-        let told = value > RANK * RANK * eigen.eigenvalues.max();
-        told.then(|| eigen.eigenvectors.column(least).into_owned())
-    }
-
-    /// Size of the place of one lane.
-    fn size(&self, lane: usize) -> f64 {
-        self.xi.iter().map(|x| x.0[lane].abs()).fold(0.0, f64::max)
-    }
-
-    /// True where the closures of one lane are closed to rounding.
-    fn closed(&self, lane: usize) -> bool {
-        self.cost[lane] < (1e-9 * self.size(lane)).powi(2)
-    }
-
-    /// Takes another place in the lanes in which it is clearly better.
-    fn take_better(&mut self, other: &Self) {
-        for lane in 0..WIDTH {
-            let own = self.cost[lane];
-            if !self.closed(lane) && (other.cost[lane] < CLEARLY * own || own.is_nan()) {
-                self.take(other, lane);
-            }
-        }
     }
 
     fn take(&mut self, other: &Self, lane: usize) {
