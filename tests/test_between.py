@@ -35,8 +35,7 @@ def test_intervals_hold_at_placements_that_were_not_recorded() -> None:
 
 
 def test_a_placement_that_differs_as_a_whole_has_no_move_in_it() -> None:
-    # Of arms like these every other one had a tool that was said to move after three samples of a
-    # placement, the rest of which was left out.
+    # A placement of another socket is no tool that moved after its first three samples.
     found = between.counted(sized(4, 12), 5, 0.005)
     assert not any(found.damaged)
 

@@ -130,6 +130,20 @@ def test_the_first_line_is_of_the_reason_that_says_most() -> None:
     assert "rsicalib trace" in found.summary()
 
 
+@pytest.mark.parametrize(("pose", "channel", "counts"), [(17, 2, 700.0), (30, 0, -900.0)])
+def test_one_wrong_pose_leaves_the_others_to_be_judged(
+    pose: int, channel: int, counts: float
+) -> None:
+    """No start closes the loops with it; without it all that the demo has is found."""
+    session = rsicalib.load_readings(DEMO / "readings.csv")
+    values = session.values.copy()
+    values[session.pose == pose, channel] += counts
+    found = rsicalib.trace(replace(session, values=values), rest=DEMO / "rest.csv")
+    assert {gone.pose for gone in found.excluded} == {pose}
+    assert (found.verdict, [step.target for step in found.steps]) == ("explained", ["a22"])
+    assert "no_start" not in {warning.kind for warning in found.warnings}
+
+
 @both
 def test_a_calibration_that_makes_known_points_worse_has_exit_4(verb: Any) -> None:
     """A device that is as drawn, and a dozen poses with 20 counts of noise."""
