@@ -589,7 +589,7 @@ return [...document.querySelectorAll("#mechanism .desk circle[data-p]")].map((do
 
 
 def test_poses_of_the_mechanism_answer_to_a_pointer(traced: Trace, tmp_path: Path) -> None:
-    """The lines over them took it: a few lie under another dot or a check pose."""
+    """A few lie under another dot or a check pose."""
     found, errors = look(traced.report(), POINTED, tmp_path)
     assert errors == []
     reached = [(count, words) for own, count, words in found if own]
@@ -598,7 +598,7 @@ def test_poses_of_the_mechanism_answer_to_a_pointer(traced: Trace, tmp_path: Pat
 
 
 def test_a_report_is_printed_on_few_sheets(tmp_path: Path) -> None:
-    """Tables of many rows are in two columns, and pictures side by side: it was on five."""
+    """Tables of many rows are in two columns, and pictures side by side."""
     page = rsicalib.demo().report().replace("</style>", "@page { size: A4; }</style>", 1)
     file = tmp_path / "page.html"
     file.write_text(page, encoding="utf-8")

@@ -230,8 +230,13 @@ def test_check_points_say_how_large_what_nobody_named_is_at_them(
     # What noise explains is no reason for more than is predicted.
     values["after"]["check"]["position_rms"] = read
     quiet = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=1.0, at=poses[0])
-    assert quiet.uncertainty is not None and found.uncertainty is not None
-    assert quiet.uncertainty.expanded < 0.5 * found.uncertainty.expanded
+    predicted = rsicalib.certify(
+        rsicalib.Trace.from_dict({**values, "verdict": "explained"}), limit=1.0, at=poses[0]
+    )
+    assert quiet.uncertainty is not None and predicted.uncertainty is not None
+    assert quiet.uncertainty.expanded < 1.1 * predicted.uncertainty.expanded
+    assert found.uncertainty is not None
+    assert predicted.uncertainty.expanded < 0.75 * found.uncertainty.expanded
 
 
 def test_what_is_left_open_of_an_effect_is_what_a_fit_with_it_says() -> None:

@@ -359,6 +359,9 @@ def test_what_is_made_twice_is_equal_and_equal_to_its_pickle(traced: Trace) -> N
         one, again, other = make(1), make(1), make(2)
         assert one == again == pickle.loads(pickle.dumps(one)) and one != other
         assert hash(one) == hash(again)
+    readings = rsicalib.load_readings(session)
+    warm = dataclasses.replace(readings, temperature_c=np.full(len(readings.values), 21.0))
+    assert warm != readings and readings != warm
 
 
 def test_the_curve_that_is_drawn_is_that_of_the_step(traced: Trace) -> None:

@@ -84,10 +84,11 @@ def dots(ax: Axes, rows: Mapping[str, npt.ArrayLike], x_words: str) -> Axes:
             if side.any():
                 ax.scatter(numbers[side], at[side], marker=mark, **look)
         far = np.flatnonzero(~inside)
+        own: dict[tuple[int, bool], tuple[float, str]] = {}
         for k in far[np.argsort(-np.abs(flat[far]), kind="stable")][:LABELLED]:
             place = (numbers[k], at[k] > 0)
-            # What is comes last, and its number stands where another would lie on it.
-            told[place] = max((told.get(place, (0.0, colour))[0], flat[k]), key=abs), colour
+            own.setdefault(place, (flat[k], colour))  # the largest comes first
+        told |= own  # what is comes last, and its number stands where another would lie on it
     for (number, up), (value, colour) in told.items():
         ax.annotate(f"{value:.0f}", (number, 0.94 * edge * (1 if up else -1)), color=colour,
                     fontsize="small", ha="center", va="top" if up else "bottom")  # fmt: skip

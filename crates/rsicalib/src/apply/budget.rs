@@ -30,6 +30,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::Error;
 use crate::apply::accuracy::rigid_motions;
+use crate::apply::check::PAIRS;
 use crate::apply::earlier::{Applied, Reported, Under, opened, outlasts};
 use crate::apply::places::Placed;
 use crate::apply::poses::short_way;
@@ -477,16 +478,18 @@ impl Places {
     fn draws(&self, errors: &Errors, known: Option<&Known>, drawing: &Drawing) -> Vec<Drawn> {
         let mut random = Draws::new(drawing.seed);
         let mut draws = Vec::new();
+        let mut enough = false;
         for _ in 0..ROUNDS {
             draws.extend((0..drawing.draws).map(|_| self.one(errors, known, &mut random)));
             let sum = |of: &dyn Fn(&Drawn) -> f64| draws.iter().map(of).sum::<f64>();
             let (weight, squares) = (sum(&|d| d.weight), sum(&|d| d.weight * d.weight));
-            if weight * weight >= FEW * drawing.draws as f64 * squares {
+            enough = weight > 0.0 && weight * weight >= FEW * drawing.draws as f64 * squares;
+            if enough {
                 break;
             }
         }
-        if draws.iter().all(|drawn| drawn.weight <= 0.0) {
-            // None is as small as what was seen: what is predicted stands.
+        if !enough {
+            // Hardly any is as small as what was seen: what is predicted stands.
             draws.iter_mut().for_each(|drawn| drawn.weight = 1.0);
         }
         draws
@@ -567,7 +570,7 @@ impl Known {
         let mut places = Places::new(mechanism, applied, errors, checked.table.clone(), quantity)?;
         places.all.retain(|place| checked.point.is_none_or(|point| place.point == point));
         // A motion of the instrument is found from places alone.
-        let moved = checked.aligned && quantity == Quantity::Position;
+        let moved = checked.aligned && quantity == Quantity::Position && places.all.len() >= PAIRS;
         let at: Vec<_> = places.all.iter().filter(|_| moved).map(|place| place.at).collect();
         let (motions, coordinates) = (rigid_motions(&at), 3.0 * places.all.len() as f64);
         // Of a coordinate that is left, as many as no motion takes up.

@@ -215,10 +215,13 @@ fn turn(p: &[f64; 6]) -> Rotation3<f64> {
     Rotation3::from_euler_angles(p[3], p[4], p[5])
 }
 
+/// Pairs that determine a rigid motion.
+pub(crate) const PAIRS: usize = 3;
+
 /// The rigid motion that brings found positions nearest to known ones, pairs of known and found;
 /// none at all unless one is asked for and three pairs determine it.
 pub(crate) fn motion_of(pairs: &[Pair], align: bool) -> (Rotation3<f64>, Vector3<f64>) {
-    if !align || pairs.len() < 3 {
+    if !align || pairs.len() < PAIRS {
         return (Rotation3::identity(), Vector3::zeros());
     }
     let (from, to): (Vec<_>, Vec<_>) = pairs.iter().map(|(k, f)| (at(f), at(k))).unzip();

@@ -1,4 +1,4 @@
-//! Poses that are enough to judge a gross mistake: a wrong wire, another unit.
+//! Poses that are enough to tell which mistakes of wires are likeliest.
 
 use std::collections::HashSet;
 
@@ -7,9 +7,9 @@ use crate::model::{Instance, Model};
 use crate::numerics::random::Random;
 use crate::readings::rows_of;
 
-/// Equations for each parameter by which a gross mistake is judged: a bound on time, since χ² is to fall by
-/// far more than so many equations leave open.
-const EQUATIONS: usize = 5;
+/// Equations for each parameter by which mistakes are compared: a bound on time, since what is likeliest is then
+/// held against all poses.
+const PER_PARAMETER: usize = 5;
 
 /// What a row says beside its numbers: its pose, its keys, and which of its columns have a number.
 type Kind<'a> = (usize, Vec<&'a str>, Vec<bool>);
@@ -24,7 +24,7 @@ pub(crate) fn enough(
         return None;
     }
     let readings = &*observations.readings;
-    let wanted = EQUATIONS * model.parameters;
+    let wanted = PER_PARAMETER * model.parameters;
     let mut poses = poses(observations);
     let order = Random::new(poses.len() as u64).choose(poses.len(), poses.len());
     let (mut told, mut rows) = (0, Vec::new());

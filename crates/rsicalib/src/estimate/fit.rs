@@ -97,9 +97,12 @@ pub fn fit(
             solve(observations, model.clone(), priors.clone(), start, noise)
         })
     };
+    // No start closed the loops, since a reading was wrong: without that reading this fit closes them.
+    let left_out = observations.weights.contains(&0.0);
     let found = found.map(|mut fit| {
-        // What no start led to is there: without readings that were wrong, or beside an effect.
-        if fit.plausible && fit.chi2 < observations.options.good_start * fit.dof {
+        let more = |from: &Fit| fit.model.instances.len() > from.model.instances.len();
+        let without = from.is_some_and(|from| left_out || more(from));
+        if without && fit.plausible && fit.chi2 < observations.options.good_start * fit.dof {
             fit.warnings.retain(|it| !it.is_no_start());
         }
         fit

@@ -266,34 +266,36 @@ impl<'a> Looking<'a> {
         (p <= 0.5 * ALPHA && self.heals(&worst)).then_some(worst)
     }
 
-    /// Eq. (83): the best move of a run, of its point or of the tool. What the same explains that is off in
-    /// the whole run is no move in it: arms differ from placement to placement.
+    /// Eq. (83): the best move of a run, of its point or of the tool, beside what is off in the whole run: arms
+    /// differ from placement to placement.
     fn moved_in(&self, run: usize) -> Option<Displacement> {
         let rows = &self.runs[run];
         let mut best: Option<Displacement> = None;
         for (tool, columns) in self.movable(rows[0]) {
-            let mut sums = StepSums::new(self.at.rank(), columns.len());
-            let (mut own, mut whole): (Option<Displacement>, f64) = (None, 0.0);
-            for (at, &row) in rows.iter().enumerate().rev() {
-                for e in self.at.equations(row) {
-                    let x = self.at.by_parameter(e);
-                    sums.add(self.at.q(e), &columns.map(|c| x[c]), self.at.residuals.whitened[e]);
-                }
-                if at > 0 && (at < SIDE || rows.len() - at < SIDE) {
-                    continue;
-                }
-                // Rows that do not tell all three may be any move.
-                let all = |s: &StepScore| s.rank == columns.len();
-                let Some(found) = sums.score(&self.at.pull).filter(all) else { continue };
-                let score = found.score / self.typical;
-                if at == 0 {
-                    whole = score;
-                } else if own.as_ref().is_none_or(|b| score > b.score) {
-                    own = Some(Displacement { run, at, score, by: found.by, tool });
+            // Scores of the first rows, of ever more of them, or of the last. Rows that do not tell all three
+            // may be any move.
+            let scores = |rows: &mut dyn Iterator<Item = &usize>| -> Vec<Option<StepScore>> {
+                let mut sums = StepSums::new(self.at.rank(), columns.len());
+                let mut with = |row: &usize| {
+                    for e in self.at.equations(*row) {
+                        let (x, r) = (self.at.by_parameter(e), self.at.residuals.whitened[e]);
+                        sums.add(self.at.q(e), &columns.map(|c| x[c]), r);
+                    }
+                    sums.score(&self.at.pull).filter(|s| s.rank == columns.len())
+                };
+                rows.map(&mut with).collect()
+            };
+            let (first, last) = (scores(&mut rows.iter()), scores(&mut rows.iter().rev()));
+            let score = |of: &Option<StepScore>| of.as_ref().map_or(0.0, |s| s.score);
+            let whole = last.last().map_or(0.0, score);
+            for at in SIDE..(rows.len() + 1).saturating_sub(SIDE) {
+                let (before, after) = (&first[at - 1], &last[rows.len() - at - 1]);
+                let Some(found) = after else { continue };
+                let score = (found.score + score(before) - whole) / self.typical;
+                if best.as_ref().is_none_or(|b| score > b.score) {
+                    best = Some(Displacement { run, at, score, by: found.by, tool });
                 }
             }
-            let own = own.map(|own| Displacement { score: own.score - whole, ..own });
-            best = best.into_iter().chain(own).max_by(|a, b| a.score.total_cmp(&b.score));
         }
         best
     }
