@@ -37,8 +37,8 @@ def test_intervals_hold_at_placements_that_were_not_recorded() -> None:
 def test_a_placement_that_differs_as_a_whole_has_no_move_in_it() -> None:
     # A placement of another socket is no tool that moved after its first three samples.
     found = between.counted(sized(8, 40), 5, 0.005)
-    # One arm in ten has readings left out (docs/intervals.md): more than three in eight is 0.5 %, and with one
-    # in two 64 %.
+    # One arm in ten has readings left out (docs/intervals.md): more than three in eight then has
+    # a probability of 0.5 %, and of 64 % where it is one in two.
     assert np.mean(found.damaged) <= 3 / 8
 
 
