@@ -324,7 +324,9 @@ def shown(person: Operator, session: Session) -> float:
 
     def chi2(terms: list[str]) -> float:
         rest = session.adviser.rest
-        return float(rsicalib.calibrate(readings, rest=rest, terms=terms, noise=NOISE).fit.chi2)
+        fit = rsicalib.calibrate(readings, rest=rest, terms=terms, noise=NOISE).fit
+        assert fit.chi2 is not None
+        return fit.chi2
 
     told = [name for name in (e.told() for e in person.effects) if name is not None]
     return chi2(base) - chi2([*base, *told])

@@ -17,7 +17,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from tests import person
+from tests import oracle, person
 from tests.blind.effects import Effect
 from tests.blind.effects.mishaps import BaseSlip
 from tests.blind.effects.sensor import Slip
@@ -166,7 +166,7 @@ def dead_zone(rng: np.random.Generator, device: Device) -> Trouble:
     """A track that lacks the last fifth of what the channel goes through."""
     channel = int(rng.integers(9))
     poses = wide_poses(rng, device, 400)
-    angles = person.oracle.rsi_inverse(poses).reshape(-1, 9)
+    angles = oracle.rsi_inverse(poses).reshape(-1, 9)
     counts = (angles - device.offsets) / device.gains
     return DeadZone(channel, 1, float(np.quantile(counts[:, channel], 0.8)))
 

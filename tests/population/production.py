@@ -69,7 +69,7 @@ def clear(drawn: Array) -> npt.NDArray[np.bool_]:
     There an arm as built could not follow.
     """
     within = (drawn[:, :, 1] > -2.6) & (drawn[:, :, 1] < -0.6) & (np.abs(drawn[:, :, 2]) < 1.0)
-    return np.isfinite(drawn).all(axis=(1, 2)) & within.all(axis=1)
+    return np.asarray(np.isfinite(drawn).all(axis=(1, 2)) & within.all(axis=1))
 
 
 def readings(
