@@ -9,7 +9,7 @@ use crate::estimate::degrees::{Again, closing};
 use crate::estimate::enough::enough;
 use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
-use crate::estimate::rewired::{DECISIVE, Rewired};
+use crate::estimate::rewired::{DECISIVE, Rewired, pairs};
 use crate::estimate::suspicion::{Closes, Suspicion};
 use crate::model::{Instance, Model};
 use crate::terms::term::Role;
@@ -26,8 +26,7 @@ impl Mistake {
     fn every(observations: &Observations, model: &Model) -> Vec<Self> {
         let searched = model.unknowns.is_empty() && model.pose_unknowns() == 0;
         let channels = observations.readings.channels;
-        let pairs = (0..channels).flat_map(|a| (a + 1..channels).map(move |b| [a, b]));
-        let exchanged = pairs.filter(|_| !searched).map(Self::Exchanged);
+        let exchanged = pairs(channels).filter(|_| !searched).map(Self::Exchanged);
         let fixed = |c: &usize| !searched || model.column(Role::Gain, *c).is_none();
         exchanged.chain((0..channels).filter(fixed).map(Self::Reversed)).collect()
     }
@@ -52,7 +51,8 @@ impl Mistake {
 /// The only mistake with which the loop closes, and by far not as it is declared: `left` is χ² per degree
 /// of freedom by a `noise`, and `refit` a fit of other observations by these terms.
 ///
-/// All are tried on a few poses, without what the way to a pose does; the two likeliest are then tried on all.
+/// All are tried on a few poses, without what the way to a pose does; the likeliest is then held against the next
+/// on all.
 pub(crate) fn miswired(
     observations: &Observations,
     model: &Model,

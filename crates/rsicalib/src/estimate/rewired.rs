@@ -26,6 +26,11 @@ pub(crate) struct Rewired {
     pub(crate) observations: Observations,
 }
 
+/// Every two channels.
+pub(crate) fn pairs(channels: usize) -> impl Iterator<Item = [usize; 2]> {
+    (0..channels).flat_map(move |a| (a + 1..channels).map(move |b| [a, b]))
+}
+
 impl Rewired {
     /// Every row changed by `undo`; an error where a reading is beyond its channel's range then.
     fn new(
@@ -51,9 +56,8 @@ impl Rewired {
         observations: &Observations,
         readings: &Readings,
     ) -> impl Iterator<Item = (Self, [usize; 2])> {
-        let channels = readings.channels;
-        let pairs = (0..channels).flat_map(move |a| (a + 1..channels).map(move |b| [a, b]));
-        pairs.filter_map(|pair| Some((Self::exchanged(observations, readings, pair)?, pair)))
+        pairs(readings.channels)
+            .filter_map(|pair| Some((Self::exchanged(observations, readings, pair)?, pair)))
     }
 
     /// Readings in every other unit, with the channels that it changes.
