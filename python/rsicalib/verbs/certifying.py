@@ -174,7 +174,7 @@ def _limit(limit: float | str, mechanism: Mechanism) -> tuple[Any, float, str]:
     if unit in ("", own):
         return "position", value, own
     if unit in ANGLES:
-        if not mechanism.to_dict().get("platform"):
+        if not _posed(mechanism):
             found = f"an angle for {mechanism.name!r}, which has no platform"
             raise InputError(f"limit: found {found}, expected a length in {own}")
         return "orientation", value * ANGLES[unit], "rad"
@@ -187,7 +187,7 @@ def _places(
     result: Result, mechanism: Mechanism, at: ReadingsArg | npt.ArrayLike | None
 ) -> tuple[Mapping[str, Any], str]:
     """Readings of the places that count, as the core takes them, and what they are."""
-    posed = bool(mechanism.to_dict().get("platform"))
+    posed = _posed(mechanism)
     device = Device(mechanism, *parameters_of(result, mechanism))
     if at is None:
         if posed and mechanism.to_dict().get("workspace"):
@@ -222,9 +222,19 @@ def _held(result: Result, mechanism: Mechanism, exact: FloatArray) -> Readings:
     return _at(mechanism, exact, None if mean is None else mean + WARMER * (-1.0) ** number)
 
 
+def _posed(mechanism: Mechanism) -> bool:
+    """Whether it has a platform; else its places are those of points that chains carry."""
+    return bool(mechanism.to_dict().get("platform"))
+
+
+def _carried(mechanism: Mechanism) -> list[str]:
+    """Points that chains carry."""
+    return [point["name"] for point in mechanism.to_dict().get("point", ()) if point.get("chain")]
+
+
 def _at(mechanism: Mechanism, values: FloatArray, temperature: npt.ArrayLike | None) -> Readings:
     """Held poses with these readings."""
-    own: Any = mechanism if mechanism.to_dict().get("platform") else Bare(mechanism)
+    own: Any = mechanism if _posed(mechanism) else Bare(mechanism)
     number = np.arange(1, len(values) + 1)
     return Readings.from_arrays(own, values, pose=number, temperature_c=temperature)
 
@@ -339,13 +349,11 @@ def _by_check(result: Result, mechanism: Mechanism, quantity: str) -> Checked | 
         rms, noise = check.orientation_rms, check.largest.orientation_noise
     if rms is None or noise is None or not any(h.unseen for h in result.could_hide):
         return None
-    values = mechanism.to_dict()
-    posed, point = bool(values.get("platform")), None
+    posed, point = _posed(mechanism), None
     if kept.point is not None:
         if posed:  # a point of the platform: its orientation is part of the error
             return None
-        carried = [p["name"] for p in values.get("point", ()) if p.get("chain")]
-        point = carried.index(kept.point)
+        point = _carried(mechanism).index(kept.point)
     readings = _at(mechanism, np.array(kept.readings), kept.temperature_c)
     table = as_table([readings], mechanism, bare=not posed)
     return table, point, rms**2, noise**2, _aligned(result)
@@ -514,12 +522,11 @@ def _decides(result: CalibrationArg, mechanism: MechanismArg, earlier: Result) -
 
 
 def _conditions(result: Result, mechanism: Mechanism, places: str) -> tuple[str, ...]:
-    values = mechanism.to_dict()
     of = "the platform"
-    names = [point["name"] for point in values.get("point", ()) if point.get("chain")]
-    if not values.get("platform") and not names:
+    names = _carried(mechanism)
+    if not _posed(mechanism) and not names:
         of = "no point, since no chain carries one"
-    elif not values.get("platform"):
+    elif not _posed(mechanism):
         of = f"{listed_words(names)}, as the chains carry {'it' if len(names) == 1 else 'them'}"
     out = [f"Places of {of}: {places}, one reading each, the effects found applied."]
     mean = None if result.reference is None else result.reference.temperature

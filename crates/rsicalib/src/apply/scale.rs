@@ -79,10 +79,10 @@ impl Sizes {
 mod tests {
     use super::*;
 
-    /// Sum of squares of errors at known poses: of some independent causes, each with its coordinates.
-    fn sum(by: &[[f64; 6]], causes: &[f64], noise: impl Fn() -> f64 + Clone) -> f64 {
+    /// Sum of squares of errors at known poses: of some independent causes, each with its coordinates, and noise.
+    fn sum(by: &[[f64; 6]], causes: &[f64], noise: [f64; 6]) -> f64 {
         (0..6)
-            .map(|i| by.iter().zip(causes).map(|(by, cause)| by[i] * cause).sum::<f64>() + noise())
+            .map(|i| by.iter().zip(causes).map(|(by, cause)| by[i] * cause).sum::<f64>() + noise[i])
             .map(|error| error * error)
             .sum()
     }
@@ -101,18 +101,15 @@ mod tests {
         for (s, noise) in [(5.0, 0.01), (5.0, 0.8), (2.0, 0.3)] {
             let mut held = 0.0;
             for _ in 0..trials {
-                let causes = [0; 3].map(|_| random.normal());
+                let causes = [0; 3].map(|_| s * random.normal());
                 let noises = [0; 6].map(|_| noise * random.normal());
-                let seen: f64 = (0..6)
-                    .map(|i| (0..3).map(|k| s * by[k][i] * causes[k]).sum::<f64>() + noises[i])
-                    .map(|error| error * error)
-                    .sum();
-                let truth = s * (0..3).map(|k| elsewhere[k] * causes[k]).sum::<f64>().abs();
+                let seen = sum(&by, &causes, noises);
+                let truth = (0..3).map(|k| elsewhere[k] * causes[k]).sum::<f64>().abs();
                 let sizes = Sizes::of(seen / 6.0, noise * noise, 6.0);
                 let mut all: Vec<[f64; 2]> = (0..draws)
                     .map(|_| {
                         let causes = [0; 3].map(|_| random.normal());
-                        let made = sum(&by, &causes, || 0.0);
+                        let made = sum(&by, &causes, [0.0; 6]);
                         let times = (sizes.draw(made, &mut random) / made).sqrt();
                         let error = (0..3).map(|k| elsewhere[k] * causes[k]).sum::<f64>();
                         [times * error.abs(), sizes.weight(made)]

@@ -97,12 +97,9 @@ pub fn fit(
             solve(observations, model.clone(), priors.clone(), start, noise)
         })
     };
-    // No start closed the loops, since a reading was wrong: without that reading this fit closes them.
-    let left_out = observations.weights.contains(&0.0);
+    // A wrong reading may keep the loops open from every start; a later fit without it closes them.
     let found = found.map(|mut fit| {
-        let more = |from: &Fit| fit.model.instances.len() > from.model.instances.len();
-        let without = from.is_some_and(|from| left_out || more(from));
-        if without && fit.plausible && fit.chi2 < observations.options.good_start * fit.dof {
+        if from.is_some() && fit.plausible && fit.chi2 < observations.options.good_start * fit.dof {
             fit.warnings.retain(|it| !it.is_no_start());
         }
         fit

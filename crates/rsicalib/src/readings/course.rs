@@ -143,7 +143,7 @@ impl Courses {
             let (value, slope) = if still { (ZERO, speed) } else { (here.map(|v| -v), ZERO) };
             of_own.add(&own, value, slope);
             let value = |row: usize| table.values[row * self.reach.len() + channel];
-            of_own.and(&others).of(row, value)
+            of_own.with(&others, row, value)
         };
         if later == 0.0 {
             return sum(Weights::from(own.first), Weights::from(row));
@@ -311,28 +311,14 @@ impl Weights {
         if (self.first..self.end).contains(&row) { self.of[row - self.first] } else { [0.0; 2] }
     }
 
-    /// These with others, each row once.
-    fn and<'a>(&'a self, others: &'a Self) -> Sum<'a> {
-        Sum { own: self, others }
-    }
-}
-
-/// Weights in two groups of neighbouring rows that may have rows in common.
-struct Sum<'a> {
-    own: &'a Weights,
-    others: &'a Weights,
-}
-
-impl Sum<'_> {
-    /// The sum that has these weights of a change since `row`, its derivative, and what both make of the noise of
-    /// that row: (164), and its derivative.
-    fn of(&self, row: usize, value: impl Fn(usize) -> f64) -> [f64; 4] {
-        let Self { own, others } = self;
-        let both = own.rows().map(|(k, [w, s])| {
+    /// The change since `row` that has these weights and those of others, its derivative, and what both make of
+    /// the noise of that row: (164), and its derivative.
+    fn with(&self, others: &Self, row: usize, value: impl Fn(usize) -> f64) -> [f64; 4] {
+        let both = self.rows().map(|(k, [w, s])| {
             let [more, steeper] = others.at(k);
             (k, [w + more, s + steeper])
         });
-        let alone = others.rows().filter(|(k, _)| !(own.first..own.end).contains(k));
+        let alone = others.rows().filter(|(k, _)| !(self.first..self.end).contains(k));
         let [mut change, mut velocity, mut square, mut half] = [0.0; 4];
         for (k, [weight, slope]) in both.chain(alone) {
             // Weights sum to zero: what all rows have in common would only round.
