@@ -44,6 +44,8 @@ NEARLY = 1.25
 """The same of an error that has hardly grown."""
 STRONG = 100.0
 """Noncentrality from which on a law should be told."""
+AS_WELL = 6.0
+"""χ² within which two laws fit as well."""
 LAW = "unknown_law"
 """What a law that no term has is called in `also_fits`."""
 SAME = {"drift": "time", "hysteresis": "direction"}
@@ -178,6 +180,8 @@ class Told:
     """Error with the law that was found over that of the truth's own fit; zero without a law."""
     by_formula: float
     """The same over that before."""
+    more: float
+    """By how much more χ² is left with the law that was found than by the truth's own fit."""
     by_law: bool
     """Whether a law that no term has is all that speaks against it."""
 
@@ -286,10 +290,12 @@ def run(asked: tuple[str, str, int], seed: int) -> Told:
     result = found.to_dict()
     fits = (calibrate(readings, mechanism), found)
     errors = [error_of(case, mechanism, fit) for fit in fits]
-    told = by_formula = 0.0
+    told = by_formula = more = 0.0
     if draws is not None and (law := pasted(case, found)):
         error = error_of(case, *law)
-        told = error / max(of_truth(case, mechanism, draws), 1e-12)
+        least, left = of_truth(case, mechanism, draws)
+        told = error / max(least, 1e-12)
+        more = law[1].to_dict()["after"]["chi2"] - left
         by_formula = error / max(errors[0], 1e-12)
     steps = result["steps"]
     ties = tuple(n["term"] for s in steps for n in s["also_fits"])
@@ -315,6 +321,7 @@ def run(asked: tuple[str, str, int], seed: int) -> Told:
         seconds=seconds,
         told=told,
         by_formula=by_formula,
+        more=more,
         by_law="unknown_law" in {reason["kind"] for reason in result.get("reasons") or ()},
     )
 
@@ -330,8 +337,8 @@ def error_of(case: trials.Case, mechanism: Mechanism, fit: Any) -> float:
         return 0.0
 
 
-def of_truth(case: trials.Case, mechanism: Mechanism, draws: Rng) -> float:
-    """Error at the check poses of a calibration that knows the law, and not how large it is.
+def of_truth(case: trials.Case, mechanism: Mechanism, draws: Rng) -> tuple[float, float]:
+    """Error at check poses of a calibration that knows the law, and not how large it is; its χ².
 
     The law is taken off the readings in three sizes, a standard deviation apart: χ² is a parabola.
     """
@@ -349,7 +356,7 @@ def of_truth(case: trials.Case, mechanism: Mechanism, draws: Rng) -> float:
     bend = low - 2.0 * middle_ + high
     part = 1.0 + step * 0.5 * (low - high) / bend if bend > 0 else 1.0
     rest, fit = less(part)
-    return error_of(rest, mechanism, fit)
+    return error_of(rest, mechanism, fit), fit.to_dict()["fit"]["chi2"]
 
 
 def pasted(case: trials.Case, found: Any) -> tuple[Mechanism, Any] | None:
@@ -380,6 +387,10 @@ def table(rows: Sequence[Told]) -> list[tuple[str, str]]:
         (
             f"the same, but within {NEARLY:g} of it",
             cell([0 < r.told <= NEARLY for r in law if r.strength >= STRONG]),
+        ),
+        (
+            f"of the formulas told then, χ² is at most {AS_WELL:g} above that of the truth's own fit",
+            cell([r.more <= AS_WELL for r in law if r.told > 0 and r.strength >= STRONG]),
         ),
         (
             "error with the formula over that before, median",

@@ -121,6 +121,12 @@ def test_a_law_that_acts_at_a_few_places_only_is_a_law(correction: str) -> None:
     assert Mechanism.rsi().with_terms([law(correction)]).terms[0].id
 
 
+@pytest.mark.parametrize("index", ["a21", "a21, 0", "a21, -0.1", "a21, wide", "a99, 0.1"])
+def test_a_play_has_a_channel_and_a_width(index: str) -> None:
+    with pytest.raises(InputError, match=r"play\[CHANNEL, WIDTH\]"):
+        Mechanism.rsi().with_terms([law(f"a*play[{index}]")])
+
+
 def path(q: Array) -> Array:
     """How far a joint has gone, pose by pose."""
     return np.cumsum(np.abs(np.diff(q, prepend=q[0])))
@@ -133,11 +139,21 @@ def since_turn(q: Array) -> Array:
     return np.array([q[k] - q[max(t for t in turns if t < max(k, 1))] for k in range(len(q))])
 
 
+def in_play(q: Array, width: float) -> Array:
+    """Where a joint is between the sides of a play that it drags along: -1 to 1."""
+    sides, middle = [], float(q[0])
+    for place in q:
+        middle = min(max(middle, float(place) - width), float(place) + width)
+        sides.append((float(place) - middle) / width)
+    return np.array(sides)
+
+
 @pytest.mark.parametrize(
     ("correction", "way"),
     [
         ("a*(1 - exp(-travelled[a21]/4))", lambda q: -np.expm1(-path(q) / 4)),
         ("a*since_turn[a21]", since_turn),
+        ("a*play[a21, 0.2]", lambda q: in_play(q, 0.2)),
     ],
 )
 def test_a_law_may_be_of_the_way_of_another_channel(

@@ -139,6 +139,9 @@ pub enum Variable {
     Travelled(&'static str),
     /// `since_turn[NAME]`: how far that channel is from where it turned last, with its sign (rad, or length).
     SinceTurn(&'static str),
+    /// `play[NAME, WIDTH]`: where that channel is between the sides of a play to `WIDTH` (rad, or length) on
+    /// both sides, -1 to 1.
+    Play(&'static str, Width),
     /// `torque[NAME]`: of the joint of that channel.
     TorqueOf(&'static str),
     /// The name of a declared column of the readings: what it says in that row.
@@ -150,6 +153,27 @@ pub enum Variable {
     Torque,
     /// `reach`: from the joint to the middle of the points that the chain carries (length).
     Reach,
+}
+
+/// The name before a channel and the width of a play.
+const PLAY: &str = "play";
+
+/// Width of a play, above zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Width(u64);
+
+impl Width {
+    /// None unless it is above zero.
+    #[must_use]
+    pub fn new(value: f64) -> Option<Self> {
+        bounds::positive(value).then(|| Self(value.to_bits()))
+    }
+
+    /// The number.
+    #[must_use]
+    pub fn value(self) -> f64 {
+        f64::from_bits(self.0)
+    }
 }
 
 /// A variable of the channel with a name.
@@ -175,7 +199,7 @@ impl Variable {
     pub fn channel(self) -> Option<&'static str> {
         match self {
             Self::Coordinate(name) | Self::TorqueOf(name) => Some(name),
-            Self::Travelled(name) | Self::SinceTurn(name) => Some(name),
+            Self::Travelled(name) | Self::SinceTurn(name) | Self::Play(name, _) => Some(name),
             _ => None,
         }
     }
@@ -313,6 +337,10 @@ impl Law {
         };
         let found = match (name, index.parse::<usize>()) {
             ("theta", Ok(k)) => (k > 0).then_some(Variable::Theta(k)),
+            (PLAY, _) => index.rsplit_once(',').and_then(|(name, width)| {
+                let width = Width::new(width.trim().parse().ok()?)?;
+                Some(Variable::Play(lasting(name.trim_end()), width))
+            }),
             (_, Ok(_)) => None,
             (name, Err(_)) => {
                 let of = Variable::OF_CHANNELS.iter().find(|(known, _)| *known == name);
@@ -344,8 +372,9 @@ impl Law {
         let all = parameters.chain(variables.map(|(name, _)| *name)).chain(joints);
         let all = all.map(str::to_owned);
         let of_channels = Variable::OF_CHANNELS.iter().map(|(name, _)| format!("{name}[CHANNEL]"));
+        let play = [format!("{PLAY}[CHANNEL, WIDTH]")];
         let columns = columns.iter().map(|name| (*name).to_owned());
-        all.chain(of_channels).chain(columns).collect::<Vec<_>>().join(", ")
+        all.chain(of_channels).chain(play).chain(columns).collect::<Vec<_>>().join(", ")
     }
 
     /// Refuses a law that cannot be used.
@@ -398,7 +427,7 @@ impl Law {
         }
         for (name, typical) in &self.parameters {
             let of_channels = Variable::OF_CHANNELS.iter().any(|(known, _)| known == name);
-            let taken = self.named(name).is_some() || of_channels || name == "pi";
+            let taken = self.named(name).is_some() || of_channels || name == PLAY || name == "pi";
             if !named(name) || taken {
                 let expected = "a name that is no variable, of letters, digits and _";
                 return Err(refuse(place("parameters"), quoted(name), expected.into()));

@@ -16,6 +16,7 @@ use crate::model::law_at::{Joint, LawAt, LawRoom};
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3, dot, minus};
 use crate::readings::Readings;
+use crate::readings::way::Memory;
 use crate::terms::law::of_channel;
 
 impl Model {
@@ -49,10 +50,17 @@ impl Model {
                     Variable::Theta(_) | Variable::Coordinate(_) => ws.angles[*of],
                     Variable::Column(_) => readings.columns(block)[*of],
                     Variable::Travelled(_) => {
-                        readings.ways(block)[*of].travelled * self.scales[*of].gain.abs()
+                        let gain = self.scales[*of].gain.abs();
+                        readings.remembered(block, *of, Memory::Travelled) * gain
                     }
                     Variable::SinceTurn(_) => {
-                        readings.ways(block)[*of].since_turn * self.scales[*of].gain
+                        let gain = self.scales[*of].gain;
+                        readings.remembered(block, *of, Memory::SinceTurn) * gain
+                    }
+                    Variable::Play(_, width) => {
+                        let gain = self.scales[*of].gain;
+                        let play = Memory::Play { width: width.value() / gain.abs() };
+                        readings.remembered(block, *of, play) * gain.signum()
                     }
                     Variable::Length => self.length_of(law, readings.columns(block), &ws.angles),
                     Variable::Torque | Variable::TorqueOf(_) | Variable::Reach => {

@@ -16,7 +16,7 @@ use crate::readings::context::{STRETCH, direction, is_motion, sides, standstills
 use crate::readings::course::{CourseAt, Courses};
 use crate::readings::holding::Holding;
 use crate::readings::table::{Table, mean_of, rows_of};
-use crate::readings::way::ways;
+use crate::readings::way::{Memories, Memory, Visits};
 
 /// Temperatures this near to the one they count from show nothing of it [K].
 const STEADY: f64 = 0.05;
@@ -72,7 +72,7 @@ pub struct Readings {
     still: Vec<f64>,
     sides: OnceLock<Vec<i8>>,
     motion: OnceLock<Motion>,
-    ways: OnceLock<Vec<WayAt>>,
+    memories: Memories,
     courses: OnceLock<Courses>,
     /// The recording of whose stretches these are means, and the middle row of each.
     whole: Option<(Arc<Self>, Vec<usize>)>,
@@ -83,15 +83,6 @@ pub struct Readings {
 struct Motion {
     approach: Vec<Lanes>,
     velocity: Vec<Lanes>,
-}
-
-/// What one channel has of its way, in the unit of readings.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct WayAt {
-    /// The path since the session began.
-    pub(crate) travelled: Lanes,
-    /// How far it is from where it turned last, with its sign.
-    pub(crate) since_turn: Lanes,
 }
 
 impl Readings {
@@ -233,7 +224,7 @@ impl Readings {
             still: self.still.clone(),
             sides: sides.into(),
             motion: OnceLock::new(),
-            ways: OnceLock::new(),
+            memories: Memories::default(),
             courses: OnceLock::new(),
             whole: Some((self.clone(), middles)),
         };
@@ -308,7 +299,7 @@ impl Readings {
             still: standstills(&mechanism.channels),
             sides: OnceLock::new(),
             motion: OnceLock::new(),
-            ways: OnceLock::new(),
+            memories: Memories::default(),
             courses: OnceLock::new(),
             whole: None,
         };
@@ -405,7 +396,7 @@ impl Readings {
         self.raw.clear();
         self.raw.extend(reading.iter().map(|value| Lanes::splat(*value)));
         (self.sides, self.motion) = (OnceLock::new(), OnceLock::new());
-        (self.ways, self.courses) = (OnceLock::new(), OnceLock::new());
+        (self.memories, self.courses) = (Memories::default(), OnceLock::new());
         check(mechanism, &self.table).map(|_| ())
     }
 
@@ -526,28 +517,30 @@ impl Readings {
         part(&self.motion().approach, block, self.channels)
     }
 
-    /// The way of each channel to the samples of a block. Found when first asked for; empty for an index
-    /// beyond the last block.
+    /// What a channel remembers of its way to the samples of a block; zero for an index beyond the last
+    /// block.
     #[must_use]
-    pub(crate) fn ways(&self, block: usize) -> &[WayAt] {
-        part(self.ways.get_or_init(|| self.laid_out_ways()), block, self.channels)
+    pub(crate) fn remembered(&self, block: usize, channel: usize, memory: Memory) -> Lanes {
+        let find = || self.laid_out_memory(channel, memory);
+        self.memories.of(channel, memory, find).get(block).copied().unwrap_or(Lanes::ZERO)
     }
 
-    /// Those of the recording whose stretches these samples are, where they are means.
-    fn laid_out_ways(&self) -> Vec<WayAt> {
-        let (whole, rows) = match &self.whole {
-            Some((whole, middles)) => (&**whole, Some(middles)),
-            None => (self, None),
+    /// The way of a channel to every sample: that of the recording whose stretches these samples are, where
+    /// they are means.
+    pub(crate) fn visits(&self, channel: usize) -> Visits {
+        let of = |whole: &Self| {
+            let of = [channel, whole.channels];
+            Visits::of(&whole.table, &whole.pose, of, whole.still[channel])
         };
-        let ways = ways(&whole.table, &whole.pose, &whole.still);
-        let row_of = |row: usize| rows.map_or(row, |middles| middles[row]);
-        let of_channel = |block: &Block, c: usize| {
-            let way = block.rows.map(|row| ways[row_of(row) * self.channels + c]);
-            let [travelled, since_turn] = [0, 1].map(|k| Lanes(way.map(|of| of[k])));
-            WayAt { travelled, since_turn }
-        };
-        let all = self.blocks.iter().flat_map(|block| (0..self.channels).map(move |c| (block, c)));
-        all.map(|(block, c)| of_channel(block, c)).collect()
+        match &self.whole {
+            Some((whole, middles)) => of(whole).at_rows(middles),
+            None => of(self),
+        }
+    }
+
+    fn laid_out_memory(&self, channel: usize, memory: Memory) -> Vec<Lanes> {
+        let values = self.visits(channel).remembered(memory);
+        self.blocks.iter().map(|block| Lanes(block.rows.map(|row| values[row]))).collect()
     }
 
     /// Velocity of each channel in a block, in readings per second. Empty for an index beyond the

@@ -3,34 +3,128 @@
 //! The way goes from held pose to held pose, or from row to row of a recording: noise travels nowhere and
 //! turns nowhere. What moves by less than a standstill has not moved.
 
+use std::sync::{Arc, PoisonError, RwLock};
+
+use crate::numerics::lanes::Lanes;
 use crate::readings::table::Table;
 
-/// Path travelled and distance from the last turn, row by row, one pair per channel, in the unit of readings. The
-/// way goes from visit to visit: a held pose until another comes, or a row of a recording.
-pub(crate) fn ways(table: &Table, pose: &[usize], still: &[f64]) -> Vec<[f64; 2]> {
-    let channels = still.len();
-    let session = |row: usize| table.session_of(row);
-    let begins =
-        |&row: &usize| row == 0 || pose[row] != pose[row - 1] || session(row) != session(row - 1);
-    let firsts: Vec<usize> = (0..pose.len()).filter(begins).collect();
-    let ends = firsts.iter().skip(1).copied().chain([pose.len()]);
-    let visits: Vec<_> = firsts.iter().zip(ends).map(|(&first, end)| first..end).collect();
-    let begins: Vec<bool> =
-        (0..visits.len()).map(|v| v == 0 || session(firsts[v]) != session(firsts[v - 1])).collect();
-    let mut out = vec![[0.0; 2]; pose.len() * channels];
-    for c in 0..channels {
-        let mean = |rows: &std::ops::Range<usize>| {
-            let sum: f64 = rows.clone().map(|row| table.values[row * channels + c]).sum();
+/// What a channel remembers of its way, in the unit of readings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Memory {
+    /// The path travelled since the session began.
+    Travelled,
+    /// How far it is from where it turned last, with its sign.
+    SinceTurn,
+    /// Its place between the sides of a play to `width` on both sides, -1 to 1.
+    Play { width: f64 },
+}
+
+/// What was asked for, of each channel: its values block by block.
+type Asked = Vec<((usize, Memory), Arc<[Lanes]>)>;
+
+/// What channels remember, each found when it is first asked for. A copy finds its own.
+#[derive(Debug, Default)]
+pub(crate) struct Memories(RwLock<Asked>);
+
+impl Clone for Memories {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl Memories {
+    /// What is known, or else found.
+    pub(crate) fn of(
+        &self,
+        channel: usize,
+        memory: Memory,
+        find: impl FnOnce() -> Vec<Lanes>,
+    ) -> Arc<[Lanes]> {
+        let known = self.0.read().unwrap_or_else(PoisonError::into_inner);
+        let there = known.iter().find(|(of, _)| *of == (channel, memory));
+        if let Some((_, values)) = there {
+            return values.clone();
+        }
+        drop(known);
+        let values: Arc<[Lanes]> = find().into();
+        let mut known = self.0.write().unwrap_or_else(PoisonError::into_inner);
+        known.push(((channel, memory), values.clone()));
+        values
+    }
+}
+
+/// The way of one channel through its sessions, visit by visit. A visit is a held pose until another comes, or
+/// a row of a recording.
+#[derive(Debug, Clone)]
+pub(crate) struct Visits {
+    readings: Vec<f64>,
+    begins: Vec<bool>,
+    still: f64,
+    /// The visit of every row.
+    of_row: Vec<usize>,
+}
+
+impl Visits {
+    pub(crate) fn of(
+        table: &Table,
+        pose: &[usize],
+        [channel, channels]: [usize; 2],
+        still: f64,
+    ) -> Self {
+        let session = |row: usize| table.session_of(row);
+        let new =
+            |row: usize| row == 0 || pose[row] != pose[row - 1] || session(row) != session(row - 1);
+        let mut rows: Vec<Vec<usize>> = Vec::new();
+        for row in 0..pose.len() {
+            match rows.last_mut().filter(|_| !new(row)) {
+                Some(visit) => visit.push(row),
+                None => rows.push(vec![row]),
+            }
+        }
+        let mean = |rows: &Vec<usize>| {
+            let sum: f64 = rows.iter().map(|row| table.values[row * channels + channel]).sum();
             sum / rows.len() as f64
         };
-        let readings: Vec<f64> = visits.iter().map(mean).collect();
-        let way = Way { readings: &readings, begins: &begins, still: still[c] };
-        let both = way.travelled().into_iter().zip(way.since_turn());
-        for (rows, (travelled, since_turn)) in visits.iter().zip(both) {
-            rows.clone().for_each(|row| out[row * channels + c] = [travelled, since_turn]);
+        let begins = |v: usize| v == 0 || session(rows[v][0]) != session(rows[v - 1][0]);
+        Self {
+            readings: rows.iter().map(mean).collect(),
+            begins: (0..rows.len()).map(begins).collect(),
+            still,
+            of_row: rows
+                .iter()
+                .enumerate()
+                .flat_map(|(v, rows)| rows.iter().map(move |_| v))
+                .collect(),
         }
     }
-    out
+
+    /// The same way, with these rows alone.
+    pub(crate) fn at_rows(mut self, rows: &[usize]) -> Self {
+        self.of_row = rows.iter().map(|&row| self.of_row[row]).collect();
+        self
+    }
+
+    /// The same way with other readings in its rows, `gain` times what the channel reads.
+    pub(crate) fn settled(mut self, readings: &[f64], gain: f64) -> Self {
+        self.readings.iter_mut().for_each(|reading| *reading *= gain);
+        self.still *= gain.abs();
+        for (&visit, reading) in self.of_row.iter().zip(readings) {
+            self.readings[visit] = *reading;
+        }
+        self
+    }
+
+    /// Where it is in every row.
+    pub(crate) fn places(&self) -> Vec<f64> {
+        self.of_row.iter().map(|&visit| self.readings[visit]).collect()
+    }
+
+    /// What the channel remembers in every row.
+    pub(crate) fn remembered(&self, memory: Memory) -> Vec<f64> {
+        let way = Way { readings: &self.readings, begins: &self.begins, still: self.still };
+        let values = way.of(memory);
+        self.of_row.iter().map(|&visit| values[visit]).collect()
+    }
 }
 
 /// The way of one channel, sample by sample.
@@ -44,9 +138,18 @@ pub struct Way<'a> {
 }
 
 /// Widths of plays: halvings of half the way that a channel goes.
-const PLAYS: i32 = 6;
+pub(crate) const PLAYS: i32 = 6;
 
 impl Way<'_> {
+    /// What is remembered, sample by sample.
+    pub(crate) fn of(&self, memory: Memory) -> Vec<f64> {
+        match memory {
+            Memory::Travelled => self.travelled(),
+            Memory::SinceTurn => self.since_turn(),
+            Memory::Play { width } => self.play(width),
+        }
+    }
+
     /// The path travelled since the session began.
     pub fn travelled(&self) -> Vec<f64> {
         let (mut from, mut way) = (0.0, 0.0);
@@ -120,7 +223,7 @@ impl Way<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Way, ways};
+    use super::{Memory, Visits, Way};
     use crate::readings::table::Table;
 
     const BEGINS: [bool; 7] = [true, false, false, false, false, true, false];
@@ -134,8 +237,12 @@ mod tests {
     fn all_rows_of_a_visit_have_the_way_to_it() {
         let values = vec![1.0, 3.0, 7.0, 5.0, 2.0];
         let table = Table { values, session: Some(vec![0, 0, 0, 0, 1]), ..Table::default() };
-        let found = ways(&table, &[0, 0, 1, 0, 1], &[0.5]);
-        assert_eq!(found, [[0.0, 0.0], [0.0, 0.0], [5.0, 5.0], [7.0, -2.0], [0.0, 0.0]]);
+        let visits = Visits::of(&table, &[0, 0, 1, 0, 1], [0, 1], 0.5);
+        let of = |memory| visits.remembered(memory);
+        assert_eq!(of(Memory::Travelled), [0.0, 0.0, 5.0, 7.0, 0.0]);
+        assert_eq!(of(Memory::SinceTurn), [0.0, 0.0, 5.0, -2.0, 0.0]);
+        // Of 2, 7 and 5 a play of 2 carries 2, 5 and 5.
+        assert_eq!(of(Memory::Play { width: 2.0 }), [0.0, 0.0, 1.0, 0.0, 0.0]);
     }
 
     #[test]

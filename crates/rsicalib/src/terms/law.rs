@@ -117,7 +117,7 @@ fn needs(variable: Variable) -> Needs {
         Variable::Temperature => Needs::Temperature,
         Variable::Direction => Needs::Approach,
         Variable::Velocity => Needs::Motion,
-        Variable::Travelled(_) | Variable::SinceTurn(_) => Needs::Way,
+        Variable::Travelled(_) | Variable::SinceTurn(_) | Variable::Play(..) => Needs::Way,
         Variable::Torque | Variable::TorqueOf(_) => Needs::Gravity,
         _ => Needs::Nothing,
     }
@@ -278,7 +278,8 @@ pub(crate) fn of_channel(variable: Variable, site: &Site) -> Lanes {
         Variable::Direction => site.approach[site.channel],
         Variable::Velocity => site.velocity[site.channel],
         Variable::Theta(_) | Variable::Coordinate(_) | Variable::Column(_) => Lanes::ZERO,
-        Variable::Travelled(_) | Variable::SinceTurn(_) | Variable::TorqueOf(_) => Lanes::ZERO,
+        Variable::Travelled(_) | Variable::SinceTurn(_) | Variable::Play(..) => Lanes::ZERO,
+        Variable::TorqueOf(_) => Lanes::ZERO,
         Variable::Torque | Variable::Reach | Variable::Length => Lanes::ZERO,
     }
 }
@@ -304,7 +305,7 @@ mod tests {
     use crate::terms::laws;
 
     /// Laws of every class and of every variable: class, target, axis, formula.
-    const LAWS: [(Class, Per, Option<Moves>, &str); 22] = [
+    const LAWS: [(Class, Per, Option<Moves>, &str); 23] = [
         (Class::Sensor, Per::Channel, None, "a*sin(3*phi) + b*(cos(3*phi) - 1)"),
         (Class::Sensor, Per::Channel, None, "a*u^3 + b*reading*1e-4"),
         (Class::Sensor, Per::Channel, None, "a*temperature*u + b*t"),
@@ -326,6 +327,7 @@ mod tests {
         (Class::Sensor, Per::Channel, None, "a*(1 - exp(-travelled[q21]))*(1 + 0.3*u)"),
         (Class::Closure, Per::Closure, None, "a*since_turn[q12] + b*travelled[q21]"),
         (Class::Sensor, Per::Channel, None, "a*torque[q21]*(1 + 0.3*u)"),
+        (Class::Sensor, Per::Channel, None, "a*play[q21, 0.05] + b*play[q21, 0.2]*u"),
         (Class::Geometry, Per::Chain, Some(Moves::Tz), "a*torque[q12]*torque + b*reach"),
     ];
 

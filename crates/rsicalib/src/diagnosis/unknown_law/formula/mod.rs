@@ -31,6 +31,7 @@ use crate::mechanism::{Class, Law, Mechanism, Per};
 use crate::model::{Model, Want, Workspace};
 use crate::numerics::lanes::Lanes;
 use crate::numerics::search::edge;
+use crate::readings::way::Memory;
 
 /// Id of what is found, with a number where the mechanism has such a law already.
 const FOUND: &str = "found_law";
@@ -195,15 +196,19 @@ fn name(at: &AtFit, rows: &[usize], channel: usize, quantity: Quantity) -> Optio
     let of = |value: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
         rows.iter().map(|&row| value(lanes[row].0, lanes[row].1)).collect()
     };
-    let plain =
-        |text: &str, values| Named { text: text.into(), values, turns: false, grows: false };
+    let plain = |text: &str, values| Named { text: text.into(), values, ..Named::default() };
+    let theta = |c: usize| {
+        let coordinates = coordinates(at, c);
+        of(&|block, lane| coordinates[block].0[lane])
+    };
+    // Of readings as the fit settles them: what is as good as a line is then a gain, and not the noise of readings.
+    let visits =
+        |c: usize| readings.visits(c).at_rows(rows).settled(&theta(c), mechanism.channels[c].gain);
+    let of_channel = |what: &str, c: usize| format!("{what}[{}]", mechanism.channels[c].name);
     Some(match quantity {
         Quantity::Theta(c) => {
-            let coordinates = coordinates(at, c);
-            let values = of(&|block, lane| coordinates[block].0[lane]);
             let turns = mechanism.moves_joint(c) && !mechanism.slides(c);
-            let text = format!("theta[{}]", mechanism.channels[c].name);
-            Named { text, values, turns, grows: false }
+            Named { turns, moves: true, ..plain(&of_channel("theta", c), theta(c)) }
         }
         Quantity::Time => {
             let values = of(&|block, lane| readings.blocks()[block].time.0[lane]);
@@ -215,27 +220,28 @@ fn name(at: &AtFit, rows: &[usize], channel: usize, quantity: Quantity) -> Optio
         // Of drives in closed loops `torque` is another, (46).
         Quantity::Torque(c) if mechanism.moves_joint(c) && !mechanism.tells_of_drives() => {
             let torques = Model::torques(mechanism, readings, |b| at.settled(b)).ok()?;
-            let other = format!("torque[{}]", mechanism.channels[c].name);
+            let other = of_channel("torque", c);
             let text = if c == channel { "torque" } else { &other };
-            plain(text, of(&|block, lane| torques[block][c].0[lane]))
+            Named { signed: true, ..plain(text, of(&|block, lane| torques[block][c].0[lane])) }
         }
         Quantity::Direction(c) if c == channel => {
             plain("direction", of(&|block, lane| readings.approach(block)[c].0[lane]))
         }
         Quantity::Velocity(c) if c == channel => {
-            plain("velocity", of(&|block, lane| readings.velocity(block)[c].0[lane]))
+            let values = of(&|block, lane| readings.velocity(block)[c].0[lane]);
+            Named { signed: true, ..plain("velocity", values) }
         }
         Quantity::Travelled(c) => {
-            let gain = mechanism.channels[c].gain.abs();
-            let path = |block: usize, lane: usize| readings.ways(block)[c].travelled.0[lane];
-            let text = format!("travelled[{}]", mechanism.channels[c].name);
-            Named { grows: true, ..plain(&text, of(&|block, lane| gain * path(block, lane))) }
+            let values = visits(c).remembered(Memory::Travelled);
+            Named { grows: true, ..plain(&of_channel("travelled", c), values) }
         }
         Quantity::SinceTurn(c) => {
-            let gain = mechanism.channels[c].gain;
-            let way = |block: usize, lane: usize| readings.ways(block)[c].since_turn.0[lane];
-            let text = format!("since_turn[{}]", mechanism.channels[c].name);
-            plain(&text, of(&|block, lane| gain * way(block, lane)))
+            let values = visits(c).remembered(Memory::SinceTurn);
+            Named { signed: true, ..plain(&of_channel("since_turn", c), values) }
+        }
+        Quantity::Play(c) => {
+            let (name, visits) = (&mechanism.channels[c].name, visits(c));
+            Named { way: Some(visits.clone()), ..plain(name, visits.places()) }
         }
         Quantity::Column(k) => {
             let name = mechanism.value_columns().swap_remove(k);

@@ -6,12 +6,14 @@ use crate::numerics::search::highest;
 /// Values of a number that are tried, evenly over its range, before what is about the best of them.
 const TRIED: usize = 8;
 
-stated! {
-    /// How often all numbers are moved in turn, at the most.
-    fn sweeps() -> usize = 3;
-}
+/// By so much the price falls, or a search for numbers ends: no likelihood is told to a twentieth.
+const SETTLED: f64 = 0.1;
+
+/// How far a search goes on along a way that it came, in parts of that way.
+const FARTHER: f64 = 4.0;
 
 /// A sum with what it costs.
+#[derive(Clone)]
 pub(super) struct Refined {
     pub(super) products: Vec<Product>,
     pub(super) price: f64,
@@ -19,8 +21,11 @@ pub(super) struct Refined {
     pub(super) moved: usize,
 }
 
-/// Moves the numbers inside a sum by which χ² falls by `fall`, one after the other, where its price with
-/// one more number falls too.
+/// A number inside some products: of which product, of which factor, and which of its own.
+type Place = (usize, usize, usize);
+
+/// Moves the numbers inside a sum by which χ² falls by `fall`: the one that pays most by its price, then
+/// those that were moved in turn, until no further one pays.
 pub(super) fn refine(
     products: Vec<Product>,
     spans: &[Span],
@@ -28,41 +33,101 @@ pub(super) fn refine(
     fall: &dyn Fn(&[Product]) -> Option<f64>,
     price: &dyn Fn(f64, usize) -> f64,
 ) -> Refined {
+    let moves = Moves { spans, fall, price };
     let mut best = Refined { price: price(start, 0), products, moved: 0 };
-    let mut moved: Vec<(usize, usize, usize)> = Vec::new();
-    for _ in 0..sweeps() {
-        let before = best.price;
-        for place in places(&best.products, spans) {
-            let more = usize::from(!moved.contains(&place));
-            let (product, factor, which) = place;
-            let (variable, shape) = best.products[product].0[factor];
-            let with = |value: f64| {
-                let mut changed = best.products.clone();
-                changed[product].0[factor].1 = shape.with(which, value);
-                changed
-            };
-            let costs = |value: f64| {
-                fall(&with(value)).map_or(f64::INFINITY, |fall| price(fall, best.moved + more))
-            };
-            let (_, range) = shape.inner(&spans[variable])[which];
-            let value = cheapest(range, &costs);
-            let least = costs(value);
-            if least < best.price {
-                best = Refined { products: with(value), price: least, moved: best.moved + more };
-                if more == 1 {
-                    moved.push(place);
-                }
-            }
-        }
-        if before - best.price < 0.1 {
+    let mut moved: Vec<Place> = Vec::new();
+    loop {
+        let places = places(&best.products, spans).into_iter().filter(|p| !moved.contains(p));
+        let each = places.map(|place| (moves.along(&best, place, best.moved + 1), place));
+        let Some((next, place)) = each.min_by(|a, b| a.0.price.total_cmp(&b.0.price)) else {
+            break;
+        };
+        if next.price >= best.price {
             break;
         }
+        moved.push(place);
+        best = moves.settled(next, &moved);
     }
     best
 }
 
-/// Every number inside some products: of which product, factor, and which of its own.
-fn places(products: &[Product], spans: &[Span]) -> Vec<(usize, usize, usize)> {
+/// What sums cost, with their numbers moved.
+struct Moves<'a> {
+    spans: &'a [Span],
+    fall: &'a dyn Fn(&[Product]) -> Option<f64>,
+    price: &'a dyn Fn(f64, usize) -> f64,
+}
+
+impl Moves<'_> {
+    fn of(&self, products: Vec<Product>, moved: usize) -> Refined {
+        let fall = (self.fall)(&products);
+        Refined {
+            price: fall.map_or(f64::INFINITY, |fall| (self.price)(fall, moved)),
+            products,
+            moved,
+        }
+    }
+
+    /// One number where the sum costs least.
+    fn along(&self, from: &Refined, place: Place, moved: usize) -> Refined {
+        let (_, range) = self.number(&from.products, place);
+        let at = |value: f64| self.of(self.with(&from.products, place, value), moved);
+        at(cheapest(range, &|value| at(value).price))
+    }
+
+    /// All numbers that were moved, in turn and along the way that they came together, until none pays.
+    fn settled(&self, mut best: Refined, moved: &[Place]) -> Refined {
+        loop {
+            let before = best.clone();
+            for &place in moved {
+                let next = self.along(&best, place, best.moved);
+                if next.price < best.price {
+                    best = next;
+                }
+            }
+            let farther = |part: f64| {
+                let products = moved.iter().fold(best.products.clone(), |products, &place| {
+                    let [from, to] = [&before, &best].map(|of| self.number(&of.products, place).0);
+                    self.with(&products, place, to + part * (to - from))
+                });
+                self.of(products, best.moved)
+            };
+            if moved.len() > 1 {
+                let (part, _) = highest(|part| -farther(part).price, [0.0, FARTHER]);
+                let next = farther(part);
+                if next.price < best.price {
+                    best = next;
+                }
+            }
+            if before.price - best.price < SETTLED {
+                return best;
+            }
+        }
+    }
+
+    fn number(&self, products: &[Product], (product, factor, which): Place) -> (f64, Span) {
+        let (variable, shape) = products[product].0[factor];
+        shape.inner(&self.spans[variable])[which]
+    }
+
+    /// With another number, which stays within its range.
+    fn with(
+        &self,
+        products: &[Product],
+        (product, factor, which): Place,
+        value: f64,
+    ) -> Vec<Product> {
+        let mut changed = products.to_vec();
+        let (variable, shape) = changed[product].0[factor];
+        let (_, [low, high]) = self.number(products, (product, factor, which));
+        let value = value.max(low).min(high);
+        changed[product].0[factor].1 = shape.with(which, value, &self.spans[variable]);
+        changed
+    }
+}
+
+/// Every number inside some products.
+fn places(products: &[Product], spans: &[Span]) -> Vec<Place> {
     let of = |(p, product): (usize, &Product)| {
         let each = product.0.iter().enumerate().flat_map(move |(f, (v, shape))| {
             (0..shape.inner(&spans[*v]).len()).map(move |k| (p, f, k))

@@ -2,6 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+use crate::readings::way::{Memory, PLAYS, Visits};
 use crate::text::significant;
 
 stated! {
@@ -21,19 +22,34 @@ const DIGITS: usize = 4;
 pub(super) type Span = [f64; 2];
 
 /// A variable as formulas write it, with its value in each sample.
+#[derive(Default)]
 pub(super) struct Named {
     pub(super) text: String,
     pub(super) values: Vec<f64>,
-    /// An angle, of which there are waves.
+    /// The coordinate of a joint, of which there are waves.
+    pub(super) moves: bool,
+    /// An angle: its waves may be of whole orders.
     pub(super) turns: bool,
+    /// What does the same to either side of zero.
+    pub(super) signed: bool,
     /// Time or a path: from zero on, of which there are decays.
     pub(super) grows: bool,
+    /// The way of a channel, of which there are plays; it has no other shapes.
+    pub(super) way: Option<Visits>,
 }
 
 impl Named {
     pub(super) fn span(&self) -> Span {
         let low = self.values.iter().copied().fold(f64::INFINITY, f64::min);
         [low, self.values.iter().copied().fold(f64::NEG_INFINITY, f64::max)]
+    }
+
+    /// A function of it, sample by sample.
+    fn of(&self, shape: Shape) -> Vec<f64> {
+        match (shape, &self.way) {
+            (Shape::Play { width }, Some(way)) => way.remembered(Memory::Play { width }),
+            _ => self.values.iter().map(|x| shape.at(*x)).collect(),
+        }
     }
 
     /// True for a direction, which has three values: of its powers there is one.
@@ -47,6 +63,8 @@ impl Named {
 pub(super) enum Shape {
     /// `(x - from)^power`
     Power { power: i32, from: f64 },
+    /// `x |x|`
+    Signed,
     /// `sin(order x + phase)`
     Wave { order: f64, phase: f64 },
     /// `exp(-x/length)`
@@ -55,16 +73,20 @@ pub(super) enum Shape {
     Step { at: f64 },
     /// `max(x - at, 0)`
     Bend { at: f64 },
+    /// `play[x, width]`, of a way.
+    Play { width: f64 },
 }
 
 impl Shape {
     fn at(self, x: f64) -> f64 {
         match self {
             Self::Power { power, from } => (x - from).powi(power),
+            Self::Signed => x * x.abs(),
             Self::Wave { order, phase } => (order * x + phase).sin(),
             Self::Decay { length } => (-x / length).exp(),
             Self::Step { at } => f64::from(u8::from(x >= at)),
             Self::Bend { at } => (x - at).max(0.0),
+            Self::Play { .. } => f64::NAN,
         }
     }
 
@@ -73,6 +95,7 @@ impl Shape {
         match self {
             Self::Power { power: 1, from } => less(x, from, true),
             Self::Power { power, from } => format!("{}^{power}", less(x, from, true)),
+            Self::Signed => format!("{x}*abs({x})"),
             Self::Wave { order, phase } if phase == FRAC_PI_2 => {
                 format!("cos({})", times(order, x))
             }
@@ -82,44 +105,56 @@ impl Shape {
             Self::Decay { length } => format!("exp(-{x}/{})", significant(length, DIGITS)),
             Self::Step { at } => format!("step({})", less(x, at, false)),
             Self::Bend { at } => format!("max({}, 0)", less(x, at, false)),
+            Self::Play { width } => format!("play[{x}, {}]", significant(width, DIGITS)),
         }
     }
 
     fn kind(self) -> i32 {
         match self {
             Self::Power { power, .. } => power,
+            Self::Signed => -6,
             Self::Wave { .. } => -1,
             Self::Decay { .. } => -2,
             Self::Step { .. } => -3,
             Self::Bend { .. } => -4,
+            Self::Play { .. } => -5,
         }
     }
 
     /// Numbers inside it, each with the range of those beside it that are of the same kind.
     pub(super) fn inner(self, [low, high]: &Span) -> Vec<(f64, [f64; 2])> {
         let part = (high - low) / parts_of_formulas() as f64;
+        let apart = 0.5 * TAU / (high - low);
         match self {
             Self::Power { from, .. } => vec![(from, [*low, *high])],
+            Self::Signed => Vec::new(),
             // One period and more, and no more waves than poses show.
             Self::Wave { order, phase } => vec![
-                (order, [(order - 0.5).max(0.25), order + 0.5]),
+                (order, [(order - apart).max(0.5 * order), order + apart]),
                 (phase, [phase - FRAC_PI_2, phase + FRAC_PI_2]),
             ],
             Self::Decay { length } => vec![(length, [length / 3.0, 3.0 * length])],
             Self::Step { at } | Self::Bend { at } => vec![(at, [at - part, at + part])],
+            Self::Play { width } => vec![(width, [0.5 * width, (2.0 * width).min(high - low)])],
         }
     }
 
-    /// The same with another number inside, as it is written.
-    pub(super) fn with(self, which: usize, value: f64) -> Self {
+    /// The same with another number inside, as it is written. A wave of another order is the same in the
+    /// middle of what its variable spans.
+    pub(super) fn with(self, which: usize, value: f64, [low, high]: &Span) -> Self {
         let value = written(value);
         match self {
             Self::Power { power, .. } => Self::Power { power, from: value },
-            Self::Wave { phase, .. } if which == 0 => Self::Wave { order: value, phase },
+            Self::Signed => self,
+            Self::Wave { order, phase } if which == 0 => {
+                let phase = phase + 0.5 * (order - value) * (low + high);
+                Self::Wave { order: value, phase: written(phase.rem_euclid(TAU)) }
+            }
             Self::Wave { order, .. } => Self::Wave { order, phase: written(value.rem_euclid(TAU)) },
             Self::Decay { .. } => Self::Decay { length: value },
             Self::Step { .. } => Self::Step { at: value },
             Self::Bend { .. } => Self::Bend { at: value },
+            Self::Play { .. } => Self::Play { width: value },
         }
     }
 }
@@ -163,9 +198,10 @@ impl Product {
 
     /// Its value in each sample.
     pub(super) fn values(&self, named: &[Named]) -> Vec<f64> {
-        let samples = named.first().map_or(0, |x| x.values.len());
-        let of = |(v, shape): &(usize, Shape), p: usize| shape.at(named[*v].values[p]);
-        (0..samples).map(|p| self.0.iter().map(|factor| of(factor, p)).product()).collect()
+        let of = |(v, shape): &(usize, Shape)| named[*v].of(*shape);
+        let mut factors = self.0.iter().map(of);
+        let first = factors.next().unwrap_or_default();
+        factors.fold(first, |product, f| product.iter().zip(&f).map(|(a, b)| a * b).collect())
     }
 }
 
@@ -182,17 +218,38 @@ pub(super) fn products(named: &[Named]) -> Vec<Product> {
 
 /// Functions of one variable. Powers in a product are taken from the middle of what the variable spans:
 /// from elsewhere they are sums of more of them.
+///
+/// Where a variable stands alone, those from zero are tried too.
 fn shapes(x: &Named, alone: bool) -> Vec<Shape> {
     let [low, high] = x.span();
+    if x.way.is_some() {
+        let widths = (1..=PLAYS).map(|k| (high - low) * 0.5_f64.powi(k));
+        return widths.map(|width| Shape::Play { width: written(width) }).collect();
+    }
     if x.is_sign() {
         return vec![Shape::Power { power: 1, from: 0.0 }];
     }
-    let from = if alone { 0.0 } else { written(0.5 * (low + high)) };
-    let mut out: Vec<Shape> =
-        (1..=highest_order() as i32).map(|power| Shape::Power { power, from }).collect();
-    if x.turns {
-        for order in (1..=highest_order()).map(|order| order as f64) {
-            out.extend([0.0, FRAC_PI_2].map(|phase| Shape::Wave { order, phase }));
+    let middle = written(0.5 * (low + high));
+    let from = if alone { 0.0 } else { middle };
+    let powers = 1..=highest_order() as i32;
+    let mut out: Vec<Shape> = powers.clone().map(|power| Shape::Power { power, from }).collect();
+    if alone {
+        let from = middle;
+        out.extend(powers.skip(1).map(|power| Shape::Power { power, from }));
+    }
+    if x.signed {
+        out.push(Shape::Signed);
+    }
+    for number in (1..=highest_order()).map(|number| number as f64) {
+        let phases = [0.0, FRAC_PI_2];
+        if x.turns {
+            out.extend(phases.map(|phase| Shape::Wave { order: number, phase }));
+        }
+        // So many waves over what it spans.
+        let order = written(TAU * number / (high - low));
+        let at_middle = |phase: f64| written((phase - order * middle).rem_euclid(TAU));
+        if x.moves {
+            out.extend(phases.map(|phase| Shape::Wave { order, phase: at_middle(phase) }));
         }
     }
     if x.grows {
@@ -213,7 +270,14 @@ mod tests {
 
     fn angle(text: &str) -> Named {
         let values = (0..9).map(|p| (p as f64 - 2.0) / 4.0).collect();
-        Named { text: text.into(), values, turns: true, grows: false }
+        Named {
+            text: text.into(),
+            values,
+            turns: true,
+            moves: true,
+            signed: true,
+            ..Named::default()
+        }
     }
 
     /// A formula is read as the value that it was made with.
@@ -227,7 +291,12 @@ mod tests {
                     .0
                     .iter()
                     .map(|f| {
-                        (f.0, (0..inner(f)).fold(f.1, |s, k| s.with(k, 0.3 + 0.07 * k as f64)))
+                        (
+                            f.0,
+                            (0..inner(f)).fold(f.1, |s, k| {
+                                s.with(k, 0.3 + 0.07 * k as f64, &named[f.0].span())
+                            }),
+                        )
                     })
                     .collect(),
             );
