@@ -389,7 +389,7 @@ def table(rows: Sequence[Told]) -> list[tuple[str, str]]:
             cell([0 < r.told <= NEARLY for r in law if r.strength >= STRONG]),
         ),
         (
-            f"of the formulas told then, χ² is at most {AS_WELL:g} above that of the truth's own fit",
+            f"of these formulas, χ² is at most {AS_WELL:g} above that of the truth's own fit",
             cell([r.more <= AS_WELL for r in law if r.told > 0 and r.strength >= STRONG]),
         ),
         (
