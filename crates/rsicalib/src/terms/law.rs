@@ -397,6 +397,7 @@ mod tests {
             "rad",
             "length",
             "rad/torque",
+            "rad",
             "unit of the law",
         ];
         assert_eq!(units, expected);
