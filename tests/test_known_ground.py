@@ -78,6 +78,24 @@ def test_a_ground_that_is_not_level_is_a_tilt_of_the_base_and_no_bend(seed: int)
         assert abs(one.value - truth) < 4 * one.sd
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_offsets_that_were_asked_for_stay_beside_a_tilt(seed: int) -> None:
+    """Joints start 3 mrad from where they are drawn: beside the tilt they take up nothing."""
+    rng = np.random.default_rng([43, seed])
+    turn = rng.uniform(0, 2 * np.pi)
+    slope = 0.02 * np.cos(turn), 0.02 * np.sin(turn)
+    wrong = {joint: 0.003 * rng.choice([-1, 1]) for joint in ("femur", "tibia")}
+    read = standing(seed + 100, slope)
+    found = rsicalib.trace(read | {joint: read[joint] - by for joint, by in wrong.items()}, leg())
+    (step,) = found.steps
+    assert (step.term, step.target) == ("base_tilt", "leg") and found.verdict == "explained"
+    told = [(one.value, one.sd) for one in step.parameters]
+    told += [(one.value, one.sd) for one in found.parameters if one.term == "offset"]
+    for (value, sd), truth in zip(told, (-slope[1], slope[0], *wrong.values()), strict=True):
+        assert value is not None and sd is not None
+        assert abs(value - truth) < 4 * sd
+
+
 def test_a_ground_as_drawn_is_adequate() -> None:
     found = rsicalib.trace(standing(7, (0.0, 0.0)), leg())
     assert found.verdict == "adequate" and not found.steps
