@@ -96,6 +96,47 @@ def test_offsets_that_were_asked_for_stay_beside_a_tilt(seed: int) -> None:
         assert abs(value - truth) < 4 * sd
 
 
+FEW = [
+    (3, ["offset"]),
+    (3, ["offset@femur", "offset@tibia"]),
+    (4, ["offset@femur", "offset@tibia", "gain@femur"]),
+    (4, ["offset@femur", "offset@tibia"]),
+    (6, ["offset@femur", "offset@tibia"]),
+]
+
+
+@pytest.mark.parametrize(("poses", "terms"), FEW)
+def test_few_equations_say_what_they_cannot_show(poses: int, terms: list[str]) -> None:
+    """An effect of more parameters than equations are left may be of any size, and is listed.
+
+    Witness: the rank of the heights of the foot by differences.
+    """
+    read = {joint: angles[:poses] for joint, angles in standing(7, (0.0, 0.0)).items()}
+    found = rsicalib.trace(read, leg() | {"model": {"terms": terms}})
+    (tilt,) = [h for h in found.could_hide if (h.term, h.target) == ("base_tilt", "leg")]
+
+    angles = np.column_stack([read[joint] for joint in ("coxa", "femur", "tibia")])
+    feet = np.array([foot(*row) for row in angles])
+    step = 1e-6
+    columns = []
+    for term in terms:
+        kind, _, name = term.partition("@")
+        for k, joint in enumerate(("coxa", "femur", "tibia")):
+            if name in ("", joint):
+                moved = angles.copy()
+                moved[:, k] += step * (1.0 if kind == "offset" else angles[:, k])
+                high = np.array([foot(*row)[2] for row in moved])
+                columns.append((high - feet[:, 2]) / step)
+    fitted = np.column_stack(columns)
+    rank = np.linalg.matrix_rank(fitted, tol=1e-3)
+    both = np.linalg.matrix_rank(np.column_stack([fitted, feet[:, :2]]), tol=1e-3)
+    assert found.after.dof == poses - rank
+    # A tilt has two directions, of which equations see as many as they have ranks more.
+    assert (tilt.detectable is None) == (both - rank < 2)
+    if terms == ["offset@femur", "offset@tibia"]:
+        assert both - rank == min(2, poses - rank)
+
+
 def test_a_ground_as_drawn_is_adequate() -> None:
     found = rsicalib.trace(standing(7, (0.0, 0.0)), leg())
     assert found.verdict == "adequate" and not found.steps
