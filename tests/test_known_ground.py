@@ -78,6 +78,65 @@ def test_a_ground_that_is_not_level_is_a_tilt_of_the_base_and_no_bend(seed: int)
         assert abs(one.value - truth) < 4 * one.sd
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_offsets_that_were_asked_for_stay_beside_a_tilt(seed: int) -> None:
+    """Joints start 3 mrad from where they are drawn: beside the tilt they take up nothing."""
+    rng = np.random.default_rng([43, seed])
+    turn = rng.uniform(0, 2 * np.pi)
+    slope = 0.02 * np.cos(turn), 0.02 * np.sin(turn)
+    wrong = {joint: 0.003 * rng.choice([-1, 1]) for joint in ("femur", "tibia")}
+    read = standing(seed + 100, slope)
+    found = rsicalib.trace(read | {joint: read[joint] - by for joint, by in wrong.items()}, leg())
+    (step,) = found.steps
+    assert (step.term, step.target) == ("base_tilt", "leg") and found.verdict == "explained"
+    told = [(one.value, one.sd) for one in step.parameters]
+    told += [(one.value, one.sd) for one in found.parameters if one.term == "offset"]
+    for (value, sd), truth in zip(told, (-slope[1], slope[0], *wrong.values()), strict=True):
+        assert value is not None and sd is not None
+        assert abs(value - truth) < 4 * sd
+
+
+FEW = [
+    (3, ["offset"]),
+    (3, ["offset@femur", "offset@tibia"]),
+    (4, ["offset@femur", "offset@tibia", "gain@femur"]),
+    (4, ["offset@femur", "offset@tibia"]),
+    (6, ["offset@femur", "offset@tibia"]),
+]
+
+
+@pytest.mark.parametrize(("poses", "terms"), FEW)
+def test_few_equations_say_what_they_cannot_show(poses: int, terms: list[str]) -> None:
+    """An effect of more parameters than equations are left may be of any size, and is listed.
+
+    Witness: the rank of the heights of the foot by differences.
+    """
+    read = {joint: angles[:poses] for joint, angles in standing(7, (0.0, 0.0)).items()}
+    found = rsicalib.trace(read, leg() | {"model": {"terms": terms}})
+    (tilt,) = [h for h in found.could_hide if (h.term, h.target) == ("base_tilt", "leg")]
+
+    angles = np.column_stack([read[joint] for joint in ("coxa", "femur", "tibia")])
+    feet = np.array([foot(*row) for row in angles])
+    step = 1e-6
+    columns = []
+    for term in terms:
+        kind, _, name = term.partition("@")
+        for k, joint in enumerate(("coxa", "femur", "tibia")):
+            if name in ("", joint):
+                moved = angles.copy()
+                moved[:, k] += step * (1.0 if kind == "offset" else angles[:, k])
+                high = np.array([foot(*row)[2] for row in moved])
+                columns.append((high - feet[:, 2]) / step)
+    fitted = np.column_stack(columns)
+    rank = np.linalg.matrix_rank(fitted, tol=1e-3)
+    both = np.linalg.matrix_rank(np.column_stack([fitted, feet[:, :2]]), tol=1e-3)
+    assert found.after.dof == poses - rank
+    # A tilt has two directions, of which equations see as many as they have ranks more.
+    assert (tilt.detectable is None) == (both - rank < 2)
+    if terms == ["offset@femur", "offset@tibia"]:
+        assert both - rank == min(2, poses - rank)
+
+
 def test_a_ground_as_drawn_is_adequate() -> None:
     found = rsicalib.trace(standing(7, (0.0, 0.0)), leg())
     assert found.verdict == "adequate" and not found.steps

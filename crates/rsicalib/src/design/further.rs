@@ -17,7 +17,7 @@ use crate::design::precision::Precision;
 use crate::design::reachable::{Reachable, around, reachable};
 use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::options::SearchOptions;
-use crate::diagnosis::score::candidates::candidates;
+use crate::diagnosis::score::candidates::absent;
 use crate::estimate::conventions::{Conventions, Here};
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::{Instance, Model, Want, Workspace, parse};
@@ -867,7 +867,7 @@ fn hidden(
         return Ok([None, None]);
     }
     let named: Vec<Instance> =
-        candidates(session, best, &[]).into_iter().filter(|i| !i.term.info().penalised).collect();
+        absent(session, best, &[]).into_iter().filter(|i| !i.term.info().penalised).collect();
     let at = Linearised::new(session, best, &named, &[])?;
     let old = at.session();
     let side = Side::of(&at, session, best, &old);

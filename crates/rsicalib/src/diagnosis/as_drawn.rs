@@ -3,8 +3,11 @@
 //! Where joints may start anywhere, an error of a surface is taken up by them: a bent table is flattened
 //! by offsets of four joints, and the arm is farther from where it is than before. So where the model that
 //! was asked for leaves something, a session on a surface is searched once more without offsets of joints,
-//! and both explanations have their price (113), offsets that are determined included. Where the
-//! second is not ruled out, joints stay as they are drawn: what is not known to be wrong is not changed.
+//! and both explanations have their price (113), offsets that are determined included.
+//!
+//! Where the second names an error of a surface, or has one in a tie, and is not ruled out, joints stay as they
+//! are drawn: what is not known to be wrong is not changed. Where it has none, offsets stay unless they are ruled
+//! out, for they were asked for; and where it has no effect that the first has not, they take up nothing.
 
 use crate::Error;
 use crate::apply::change::apart;
@@ -13,11 +16,10 @@ use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::price::{Family, another, charge, of_places, prior};
 use crate::diagnosis::score::scored::is_data;
 use crate::diagnosis::search::rivals::{Explanation, nearest};
-use crate::estimate::Fit;
 use crate::mechanism::Mechanism;
 use crate::model::Instance;
 use crate::numerics::credible_set::RIVAL;
-use crate::terms::term::Role;
+use crate::terms::term::{Acts, Role};
 
 /// What was asked for, without offsets of joints that turn; none where there are none, or no surface.
 ///
@@ -39,31 +41,31 @@ pub(crate) fn without_offsets(mechanism: &Mechanism, base: &[Instance]) -> Optio
 ///
 /// As [`crate::estimate::fit`].
 pub(crate) fn likelier<'a>(
-    asked: (Search<'a>, &Fit),
-    drawn: (Search<'a>, &Fit),
+    mut asked: Search<'a>,
+    mut drawn: Search<'a>,
     offsets: &[Instance],
 ) -> Result<(Search<'a>, bool), Error> {
-    let ((mut asked, whole), (mut drawn, plain)) = (asked, drawn);
-    // Each joint that is not where it is drawn is one more thing that is wrong. Offsets that readings do not
-    // determine cost nothing: they explain nothing.
-    let gains = asked.averaged.said_of(plain) - asked.averaged.said_of(whole);
-    let parameters = (plain.dof - whole.dof).max(0.0);
-    let paid = charge(parameters, gains.max(0.0))
-        + of_places(1.0 / prior(Family::Named))
-        + another() * (parameters - 1.0).max(0.0);
-    let own = asked.searched.price(&asked.averaged) + paid;
-    let other = drawn.searched.price(&asked.averaged);
-    let found = drawn.searched.found.iter().any(|step| !is_data(&step.scored.instance));
     let effects_of = |search: &Search| -> Vec<Instance> {
         search.searched.found.iter().map(|step| step.scored.instance).collect()
     };
-    let small = &drawn.averaged.small;
-    let sound = absurdities(small, &drawn.searched.current, &effects_of(&drawn)).is_empty();
-    let chosen = found && sound && other <= own + RIVAL;
     let effects = |search: &Search, more: &[Instance]| -> Vec<Instance> {
         more.iter().copied().chain(effects_of(search).into_iter().filter(|i| !is_data(i))).collect()
     };
     let of_both = [effects(&asked, offsets), effects(&drawn, &[])];
+    let found = !of_both[1].is_empty();
+    let of_surface = names_surface(&drawn);
+    let known = of_both[1].iter().all(|i| of_both[0].contains(i));
+    if found && known && !of_surface {
+        return Ok((asked, false));
+    }
+    // Of two that are not ruled out.
+    let preferred = if of_surface { RIVAL } else { -RIVAL };
+    let paid = paid(&asked, offsets)?;
+    let own = asked.searched.price(&asked.averaged) + paid;
+    let other = drawn.searched.price(&asked.averaged);
+    let small = &drawn.averaged.small;
+    let sound = absurdities(small, &drawn.searched.current, &effects_of(&drawn)).is_empty();
+    let chosen = found && sound && other <= own + preferred;
     let far = apart(&asked.averaged.small, &asked.searched.current, &drawn.searched.current);
     let (kept, [mine, others], all) = match chosen {
         true => (&mut drawn, [other, own], &of_both[0]),
@@ -96,4 +98,24 @@ pub(crate) fn likelier<'a>(
         kept.searched.rivals.clear();
     }
     Ok((if chosen { drawn } else { asked }, chosen))
+}
+
+/// True where a search says, or cannot tell from what it says, that a surface is not as it is drawn.
+fn names_surface(search: &Search) -> bool {
+    let of_surface = |i: &Instance| matches!(i.term.acts(), Acts::Surface(_));
+    let mut found = search.searched.found.iter();
+    found.any(|step| of_surface(&step.scored.instance) || step.also.iter().any(of_surface))
+}
+
+/// What offsets cost that a search was asked for, by what they gain beside what it found. Each joint that is
+/// not where it is drawn is one more thing that is wrong. Offsets that readings do not determine cost nothing:
+/// they explain nothing.
+fn paid(asked: &Search, offsets: &[Instance]) -> Result<f64, Error> {
+    let (averaged, with) = (&asked.averaged, &asked.searched.current);
+    let without = averaged.without(with, offsets)?;
+    let gains = averaged.said_of(&without) - averaged.said_of(with);
+    let parameters = (without.dof - with.dof).max(0.0);
+    Ok(charge(parameters, gains.max(0.0))
+        + of_places(1.0 / prior(Family::Named))
+        + another() * (parameters - 1.0).max(0.0))
 }

@@ -93,7 +93,7 @@ impl Hardest {
 /// As [`crate::diagnosis::trace::trace`].
 pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detectability>, Error> {
     let (observations, last) = (&traced.small, &traced.last);
-    let named: Vec<Instance> = candidates::candidates(observations, last, &search.without)
+    let named: Vec<Instance> = candidates::absent(observations, last, &search.without)
         .into_iter()
         .filter(|i| !i.term.info().penalised)
         .collect();

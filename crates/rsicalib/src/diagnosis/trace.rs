@@ -251,7 +251,7 @@ fn explain(
         let plain = fit(&observations, kept.clone(), None)?;
         let other = search_once(&observations, &plain, &kept, search, true)?;
         offsets = base.iter().copied().filter(|i| !kept.contains(i)).collect();
-        let (likelier, chosen) = likelier((searched, &clean), (other, &plain), &offsets)?;
+        let (likelier, chosen) = likelier(searched, other, &offsets)?;
         searched = likelier;
         if chosen {
             clean = plain;

@@ -87,6 +87,27 @@ impl<'a> Implicit<'a> {
         self.adjusted.into_inner().unwrap_or_else(PoisonError::into_inner).swap_remove(0)
     }
 
+    /// Takes the other place of what is unknown in a pose, (169), where the objective at `x` is less there by
+    /// more than chance; true where it has taken one.
+    pub(crate) fn crosses(&self, x: &[f64]) -> bool {
+        let mut adjusted = self.adjusted();
+        let parts = self.parts.iter().zip(&self.seatings).zip(adjusted.iter_mut());
+        let crossed = parts.map(|(((part, noise), seatings), adjusted)| {
+            let one = |first: usize, chunk: &mut [Lanes]| {
+                let mut room = Room::new(part.model, noise);
+                let mut crossed = false;
+                for (block, at) in (first..).zip(chunk.chunks_exact_mut(part.stride())) {
+                    room.seat(seatings.of_block(part.readings, block));
+                    crossed |= !part.leaves_out(block) && room.cross(part, block, x, at);
+                }
+                crossed
+            };
+            over_chunks(adjusted, part.stride(), one, |all, one| *all |= one).unwrap_or_default()
+        });
+        // Every part is looked at.
+        crossed.fold(false, |all, one| all | one)
+    }
+
     /// Residuals of the first part at `x`, with [`Residuals::by_parameter`] on request.
     #[must_use]
     pub fn residuals(&self, x: &[f64], by_parameter: bool) -> Residuals {

@@ -13,6 +13,7 @@ use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::Part;
 use crate::estimate::observations::{LONG, Observations};
 use crate::estimate::options::Method;
+use crate::estimate::significance::LINEAR;
 use crate::model::{Model, Prior};
 use crate::numerics::distributions::student_quantile;
 use crate::numerics::lm::{self, SolverOptions};
@@ -20,9 +21,6 @@ use crate::numerics::profile::{Along, OFF, ends};
 
 /// Both tails of an interval of 95 %, the upper one cut off.
 const UPPER: f64 = 0.975;
-
-/// Normal quantile of an interval of 95 %.
-pub(crate) const LINEAR: f64 = 1.959_963_984_540_054;
 
 /// Ends of 95 % of each parameter as it is reported, from its value: infinite where the readings do not
 /// bound it, none where they are those of `± 1.96 sd`, to 4.4 % of them.

@@ -2,6 +2,7 @@
 
 use crate::estimate::eliminated::Eliminated;
 use crate::estimate::objective::{Noise, Part, Play};
+use crate::estimate::significance::LINEAR;
 use crate::estimate::spread::{seats, spread};
 use crate::kinematics::elements::Way;
 use crate::model::{Model, Want, Workspace};
@@ -261,6 +262,33 @@ impl Room {
             self.whiten_parameters(model.width());
         }
         repeats
+    }
+
+    /// Takes the other place of what is unknown in a pose, (169), where the squares of the whitened
+    /// misclosure are less there by more than chance; true where it has taken one.
+    pub(crate) fn cross(
+        &mut self,
+        part: &Part,
+        block: usize,
+        x: &[f64],
+        a_hat: &mut [Lanes],
+    ) -> bool {
+        let squares = |room: &mut Self, at: &mut [Lanes]| {
+            room.settle(part, block, x, at, false);
+            room.weigh(part.weight(block));
+            room.w.iter().fold(Lanes::ZERO, |sum, w| w.mul_add(*w, sum))
+        };
+        let here = squares(self, a_hat);
+        let xi = &a_hat[part.readings.channels..];
+        let other = part.model.placed_across(part.readings, block, xi, x, &mut self.ws);
+        let Some(mut other) = other else { return false };
+        let there = squares(self, &mut other);
+        let mut crossed = false;
+        for lane in (0..WIDTH).filter(|&lane| there.0[lane] + LINEAR * LINEAR < here.0[lane]) {
+            a_hat.iter_mut().zip(&other).for_each(|(own, other)| own.0[lane] = other.0[lane]);
+            crossed = true;
+        }
+        crossed
     }
 
     /// The readings as they are, and what is unknown in their poses where it is looked for.

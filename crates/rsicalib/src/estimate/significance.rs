@@ -1,4 +1,4 @@
-//! One level for what is called significant.
+//! One level for what is called significant, and that of intervals.
 
 /// Share of clean sessions that are called otherwise than adequate, search and judgement together.
 pub const CLEAN: f64 = 0.01;
@@ -7,3 +7,6 @@ pub const CLEAN: f64 = 0.01;
 /// out in turn, and that on known poses. A session is looked at three times, by the search and the
 /// first two, and each look has its share of [`CLEAN`]; known poses have as much beside them.
 pub const LEVEL: f64 = CLEAN / 3.0;
+
+/// Normal quantile of an interval of 95 %.
+pub(crate) const LINEAR: f64 = 1.959_963_984_540_054;

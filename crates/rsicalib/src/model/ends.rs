@@ -134,6 +134,11 @@ impl Moving {
         points.chain(self.bodies.iter().flat_map(|b| b.slots.iter().zip(b.pose)))
     }
 
+    /// Numbers of the coordinates that are angles.
+    pub(crate) fn turns(&self) -> Vec<usize> {
+        self.bodies.iter().flat_map(|b| b.slots[3..].iter().flatten().copied()).collect()
+    }
+
     /// The slots of all coordinates.
     pub(crate) fn slots_mut(&mut self) -> impl Iterator<Item = &mut Option<usize>> {
         let points = self.points.iter_mut().flat_map(|p| &mut p.slots);

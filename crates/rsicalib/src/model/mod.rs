@@ -1,5 +1,6 @@
 //! The model: a mechanism with terms, which gives the misclosure of readings.
 
+mod across;
 pub mod assembly;
 #[cfg(feature = "document")]
 mod between;
@@ -15,6 +16,7 @@ mod known;
 mod law_at;
 mod laws;
 mod lean;
+mod near;
 mod null;
 mod numbering;
 mod placed;
@@ -33,8 +35,8 @@ pub(crate) use compile::SHARES;
 pub use compiled::Model;
 pub use instance::Instance;
 pub(crate) use instance::{bound_to_session, place_name, places};
+pub(crate) use near::RANK;
 pub use numbering::Unknown;
-pub(crate) use placed::RANK;
 pub use prior::Prior;
 pub use specification::{Spec, check_names, instances_of, parse};
 pub use thing::{Thing, UNKNOWN_THINGS, is_unknown_thing};

@@ -8,36 +8,17 @@
 //! ```
 //!
 //! This is where a fit starts; it then settles `ξ` with the weights of the noise, (59). Of mirror
-//! solutions the one is taken that the search finds from where the mechanism's file looks for it.
+//! solutions the one is taken that the search finds from where the mechanism's file looks for it. Where
+//! there is another place across a free motion, (169), that closes clearly better, it is taken.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::model::compiled::Model;
 use crate::model::ends::End;
+use crate::model::near::RANK;
 use crate::model::workspace::{Want, Workspace};
-use crate::numerics::lanes::{Lanes, WIDTH};
+use crate::numerics::lanes::Lanes;
 use crate::readings::Readings;
-
-/// The one rule of rank for what is unknown in one pose: a direction that moves the equations less
-/// than this part of what the strongest does is not determined there.
-pub(crate) const RANK: f64 = 1e-6;
-
-/// Steps towards (58).
-const STEPS: usize = 60;
-
-/// A step of this part of the place is none.
-const STILL: f64 = 1e-13;
-
-/// The other of two solutions is taken where it leaves less than this part of the squares.
-const CLEARLY: f64 = 0.25;
-
-/// Squares of the equations of eight samples at a place, with `f` and `B`.
-struct Near {
-    xi: Vec<Lanes>,
-    f: Vec<Lanes>,
-    b: Vec<Lanes>,
-    cost: [f64; WIDTH],
-}
 
 impl Model {
     /// Misclosure and derivatives of one block at readings `a` and parameters `beta`, written to
@@ -77,16 +58,9 @@ impl Model {
         let drawn = drawn.filter(|(slot, _)| slot.is_some()).map(|(_, at)| Lanes::splat(at));
         let mut best = self.nearest(readings, block, a, beta, drawn.collect(), ws);
         let among = self.among(readings, block, beta, ws);
-        let other = self.nearest(readings, block, a, beta, among, ws);
-        for lane in 0..WIDTH {
-            let size: f64 = best.xi.iter().map(|x| x.0[lane].abs()).fold(0.0, f64::max);
-            let closed = best.cost[lane] < (1e-9 * size).powi(2);
-            let better = other.cost[lane] < CLEARLY * best.cost[lane] || best.cost[lane].is_nan();
-            if !closed && better {
-                for (best, other) in best.xi.iter_mut().zip(&other.xi) {
-                    best.0[lane] = other.0[lane];
-                }
-            }
+        best.take_better(&self.nearest(readings, block, a, beta, among, ws));
+        if let Some(other) = self.across(readings, block, a, beta, &best, ws) {
+            best.take_better(&other);
         }
         a[..self.scales.len()].iter().copied().chain(best.xi).collect()
     }
@@ -122,54 +96,6 @@ impl Model {
         xi
     }
 
-    /// Damped least squares from a start, lane by lane.
-    fn nearest(
-        &self,
-        readings: &Readings,
-        block: usize,
-        a: &[Lanes],
-        beta: &[f64],
-        start: Vec<Lanes>,
-        ws: &mut Workspace,
-    ) -> Near {
-        let lengths = self.lengths();
-        let mut look = |xi: &[Lanes]| {
-            let at: Vec<Lanes> = a[..self.scales.len()].iter().chain(xi).copied().collect();
-            self.evaluate_at(readings, block, &at, beta, Want { x: false, a: true }, ws);
-            let mut cost = [0.0; WIDTH];
-            for (f, length) in ws.f.iter().zip(&lengths) {
-                cost.iter_mut().zip(f.0).for_each(|(cost, f)| *cost += (f * length).powi(2));
-            }
-            Near { xi: xi.to_vec(), f: ws.f.clone(), b: ws.b.clone(), cost }
-        };
-        let mut here = look(&start);
-        let mut damping = [1e-3; WIDTH];
-        for _ in 0..STEPS {
-            let mut xi = here.xi.clone();
-            let mut moved = false;
-            for (lane, damping) in damping.iter().enumerate() {
-                let Some(step) = here.step(lane, *damping, &lengths) else { continue };
-                for (x, step) in xi.iter_mut().zip(step.iter()) {
-                    moved |= step.abs() > STILL * (1.0 + x.0[lane].abs());
-                    x.0[lane] += step;
-                }
-            }
-            if !moved {
-                break;
-            }
-            let there = look(&xi);
-            for (lane, damping) in damping.iter_mut().enumerate() {
-                if there.cost[lane] < here.cost[lane] {
-                    here.take(&there, lane);
-                    *damping *= 0.1;
-                } else {
-                    *damping = (*damping * 10.0).min(1e12);
-                }
-            }
-        }
-        here
-    }
-
     /// Leaves as drawn what no closure determines of the points that are somewhere else in each pose.
     pub(crate) fn leave_out_loose_coordinates(&mut self, readings: &Readings) {
         if self.pose_unknowns() == 0 {
@@ -195,38 +121,6 @@ impl Model {
             *slot = slot.and_then(|own| kept.iter().position(|k| *k == own));
         }
         self.posed.unknowns = kept.len();
-    }
-}
-
-impl Near {
-    /// The damped step of one lane; none where nothing is to be had.
-    fn step(&self, lane: usize, damping: f64, lengths: &[f64]) -> Option<DVector<f64>> {
-        let n = self.xi.len();
-        let mut gram = DMatrix::<f64>::zeros(n, n);
-        let mut slope = DVector::<f64>::zeros(n);
-        for (k, length) in lengths.iter().enumerate() {
-            let row = |j: usize| self.b[k * n + j].0[lane] * length;
-            for i in 0..n {
-                slope[i] -= row(i) * self.f[k].0[lane] * length;
-                for j in 0..n {
-                    gram[(i, j)] += row(i) * row(j);
-                }
-            }
-        }
-        let least = RANK * RANK * gram.diagonal().max();
-        for i in 0..n {
-            gram[(i, i)] += damping * gram[(i, i)].max(least);
-        }
-        let step = gram.cholesky()?.solve(&slope);
-        step.iter().all(|s| s.is_finite()).then_some(step)
-    }
-
-    fn take(&mut self, other: &Self, lane: usize) {
-        let pairs = [(&mut self.xi, &other.xi), (&mut self.f, &other.f), (&mut self.b, &other.b)];
-        for (own, other) in pairs {
-            own.iter_mut().zip(other).for_each(|(own, other)| own.0[lane] = other.0[lane]);
-        }
-        self.cost[lane] = other.cost[lane];
     }
 }
 

@@ -11,7 +11,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use crate::model::placed::RANK;
+use crate::model::near::RANK;
 
 /// A centre and a radius.
 pub(crate) type Sphere = (Vector3<f64>, f64);

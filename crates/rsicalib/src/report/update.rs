@@ -4,7 +4,7 @@ use crate::Error;
 use crate::apply::change::PlatformRms;
 use crate::apply::earlier::{Applied, lasting};
 use crate::diagnosis::verdict::worth_an_update;
-use crate::estimate::intervals::LINEAR;
+use crate::estimate::significance::LINEAR;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
 use crate::monitor::compare::{Comparison, Found, Judged, compare};

@@ -10,19 +10,28 @@ use crate::terms;
 use crate::terms::targets::{provided, searchable, shared, targets, targets_in};
 use crate::terms::term::{Acts, Needs, Per, Placed, Role, Spot, Term};
 
-/// Named and free candidates that mechanism and readings allow.
+/// Named and free candidates of a search: what [`absent`] has, and the equations that the fit leaves
+/// can determine.
 #[must_use]
 pub fn candidates(observations: &Observations, fit: &Fit, without: &[String]) -> Vec<Instance> {
+    let mut all = absent(observations, fit, without);
+    // Parameters of which no equation tells take none.
+    let room = fit.dof + fit.within;
+    all.retain(|instance| instance.width() as f64 <= room);
+    all
+}
+
+/// Named and free effects that mechanism and readings allow and the fit does not have, however few equations
+/// there are: what a search cannot try may be there unseen.
+#[must_use]
+pub fn absent(observations: &Observations, fit: &Fit, without: &[String]) -> Vec<Instance> {
     let (mechanism, readings) = (&observations.mechanism, &observations.readings);
-    let told = fit.model.told_by(readings, &observations.weights);
-    let room = told.saturating_sub(fit.beta.len());
     let hidden = hidden(observations);
     let mut all = Vec::new();
     for term in terms::all(mechanism) {
         let info = term.info();
         if matches!(term.placed(), Placed::AtPose | Placed::AtOrder)
             || term.on_request_only()
-            || info.parameters.len() > room
             || without.iter().any(|w| w == info.id)
             || provided(term, mechanism, readings).is_err()
         {
