@@ -97,6 +97,11 @@ PARAMETERS = {
     "unlabelled.sample": "npt.NDArray[np.int64] | None",
     "still_stretches.hold": "float",
     "still_stretches.inside": "npt.NDArray[np.bool_] | None",
+    "verdicts": "npt.NDArray[np.int64]",
+    "distances.usual": "tuple[float, float, float]",
+    "standing_out.devices": "Iterable[Array]",
+    "standing_out.fits": "Array",
+    "standing_out.usual": "Sequence[tuple[float, float, float]]",
     "poses": "Array",
     "progress": "Callable[[str, float], object] | None",
     "rest": "Array | None",
@@ -195,6 +200,9 @@ RETURNS = {
     "suspects": "list[dict[str, Any]]",
     "unlabelled": "dict[str, Any] | None",
     "still_stretches": "list[tuple[int, int]]",
+    "usual": "tuple[tuple[float, float, float], tuple[int, float]] | None",
+    "distances": "Array",
+    "standing_out": "list[tuple[int, float, tuple[int, float | None] | None]]",
     "fixture": "tuple[list[dict[str, Any]], int]",
     "jacobian": "Array",
     "lasting": "list[str]",
@@ -241,7 +249,7 @@ HEAD = '''\
 # Written by `python -m scripts.make_stub`; a test compares.
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, final
 
 import numpy as np

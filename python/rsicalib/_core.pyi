@@ -3,7 +3,7 @@
 # Written by `python -m scripts.make_stub`; a test compares.
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -433,6 +433,9 @@ def decide(
     poses, and the largest error that noise alone makes elsewhere.
     """
 
+def distances(devices: Array, usual: tuple[float, float, float]) -> Array:
+    """Distance of each device from what is usual, in standard deviations; NaN where it is not known."""
+
 def evidence_schema() -> str:
     """JSON Schema of the evidence that a report is drawn from, as text."""
 
@@ -667,6 +670,17 @@ def shares(
 def spec(term: str, target: str | None = None, place: str | None = None) -> str:
     """A term at its place, as it is asked for: `curvature@a22`, `slip@a22:17`."""
 
+def standing_out(
+    verdicts: npt.NDArray[np.int64],
+    fits: Array,
+    devices: Iterable[Array],
+    usual: Sequence[tuple[float, float, float]],
+) -> list[tuple[int, float, tuple[int, float | None] | None]]:
+    """Devices that stand out, those first that need a decision: each with its size, and the parameter with how many
+    times worse than usual it is known; None where the verdict says why. `fits` has χ² and degrees of freedom,
+    `devices` gives the values of one parameter after the other, of which `usual` has what is usual.
+    """
+
 def still_stretches(
     values: Array, time: Any, hold: float, inside: npt.NDArray[np.bool_] | None = None
 ) -> list[tuple[int, int]]:
@@ -708,6 +722,14 @@ def unlabelled(
 ) -> dict[str, Any] | None:
     """Poses that nothing numbers: a variant of `Unlabelled` as a dictionary with its `kind`, None where every
     row is a pose of its own. `sample` numbers the sample of each row.
+    """
+
+def usual(
+    devices: Array, verdicts: npt.NDArray[np.int64]
+) -> tuple[tuple[float, float, float], tuple[int, float]] | None:
+    """What is usual of a parameter over a fleet, (median, sd between devices, sd of one), and the device that is
+    farthest from that, with its distance; None for too few. `devices` has a value and its sd in each row,
+    `verdicts` their places in `VERDICTS`, -1 for refused.
     """
 
 def within_limits(mechanism: Mechanism, count: Any, *, seed: int = 0) -> Array:

@@ -98,6 +98,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(population::population, module)?)?;
     module.add_function(wrap_pyfunction!(population::summed, module)?)?;
     module.add_function(wrap_pyfunction!(population::common_shifts, module)?)?;
+    module.add_function(wrap_pyfunction!(population::usual, module)?)?;
+    module.add_function(wrap_pyfunction!(population::distances, module)?)?;
+    module.add_function(wrap_pyfunction!(population::standing_out, module)?)?;
     module.add_function(wrap_pyfunction!(numbers::plain_numbers, module)?)?;
     Ok(())
 }
