@@ -63,9 +63,6 @@ PARAMETERS = {
     "data": "bytes",
     "exact": "Array",
     "first": "int",
-    "faults.counts": "Sequence[bool]",
-    "faults.pose": "npt.NDArray[np.uintp]",
-    "steps.counts": "Sequence[bool]",
     "Mechanism.from_dict.values": "Mapping[str, Any]",
     "Mechanism.with_terms.terms": "Sequence[Term]",
     "Term.from_dict.values": "Mapping[str, Any]",
@@ -94,6 +91,17 @@ PARAMETERS = {
     "plan.poses": "int",
     "plan.starts": "int",
     "pose": "Sequence[float]",
+    "channels": "Sequence[Any]",
+    "suspects.pose": "npt.NDArray[np.int64] | None",
+    "unlabelled.pose": "npt.NDArray[np.int64] | None",
+    "unlabelled.sample": "npt.NDArray[np.int64] | None",
+    "still_stretches.hold": "float",
+    "still_stretches.inside": "npt.NDArray[np.bool_] | None",
+    "verdicts": "npt.NDArray[np.int64]",
+    "distances.usual": "tuple[float, float, float]",
+    "standing_out.devices": "Iterable[Array]",
+    "standing_out.fits": "Array",
+    "standing_out.usual": "Sequence[tuple[float, float, float]]",
     "poses": "Array",
     "progress": "Callable[[str, float], object] | None",
     "rest": "Array | None",
@@ -189,7 +197,12 @@ RETURNS = {
     "check": "dict[str, Any]",
     "exchange": "tuple[list[int], float]",
     "exported": "tuple[Mechanism, dict[str, dict[str, Any]], list[dict[str, Any]]]",
-    "faults": "list[tuple[int, list[tuple[int, bool]], tuple[float, list[int]] | None]]",
+    "suspects": "list[dict[str, Any]]",
+    "unlabelled": "dict[str, Any] | None",
+    "still_stretches": "list[tuple[int, int]]",
+    "usual": "tuple[tuple[float, float, float], tuple[int, float]] | None",
+    "distances": "Array",
+    "standing_out": "list[tuple[int, float, tuple[int, float | None] | None]]",
     "fixture": "tuple[list[dict[str, Any]], int]",
     "jacobian": "Array",
     "lasting": "list[str]",
@@ -208,7 +221,6 @@ RETURNS = {
     "compared": "list[tuple[int, float, float, float, bool]]",
     "observability": "dict[str, Any]",
     "places": "tuple[list[str], Array, Array | None, list[bool]]",
-    "steps": "list[float]",
     "plain_numbers": "list[Array] | None",
     "angles_at": "Array",
     "readings_at": "Array",
@@ -237,7 +249,7 @@ HEAD = '''\
 # Written by `python -m scripts.make_stub`; a test compares.
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, final
 
 import numpy as np

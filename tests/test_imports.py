@@ -11,9 +11,9 @@ import pytest
 
 import rsicalib
 from rsicalib import InputError
+from rsicalib._core import still_stretches
 from rsicalib.imports.extras import EXTRAS
 from rsicalib.imports.kinds import format_of
-from rsicalib.imports.stretches import _running, still_stretches
 from tests.commands import run_text
 
 # ------------------------------------------------------------------ Maslow4
@@ -316,13 +316,6 @@ def test_a_recording_that_never_stands_still_stays_one() -> None:
     values = np.column_stack([np.sin(time), np.cos(0.7 * time)])
     values += 1e-3 * np.random.default_rng(2).standard_normal(values.shape)
     assert still_stretches(values, time, 0.5) == []
-
-
-@pytest.mark.parametrize("rows", [2, 3, 7, 8, 50])
-def test_running_extremes_are_those_of_windows(rows: int) -> None:
-    values = np.random.default_rng(0).normal(size=(60, 2))
-    windows = np.lib.stride_tricks.sliding_window_view(values, rows, axis=0)
-    assert np.array_equal(_running(np.maximum, values, rows), windows.max(axis=-1))
 
 
 def test_times_that_stand_still_or_go_back_end_no_program() -> None:

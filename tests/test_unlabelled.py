@@ -86,3 +86,10 @@ def test_poses_of_their_own_are_no_repeats(seed: int) -> None:
     for values in (rng.integers(1000, 3000, (96, 9)).astype(float), walked.round(), wave.round()):
         readings = rsicalib.Readings.from_arrays(mechanism, values)
         assert not [w for w in readings.warnings if w.kind == "unlabelled_repeats"]
+
+
+def test_a_device_that_stands_still_is_read() -> None:
+    """Rows of which no channel moves were no readings: a greatest of nothing was asked for."""
+    mechanism = rsicalib.load_mechanism("rsi")
+    readings = rsicalib.Readings.from_arrays(mechanism, np.full((20, 9), 2000.0))
+    assert len(readings) == 20 and readings.repeats is None

@@ -3,7 +3,7 @@
 # Written by `python -m scripts.make_stub`; a test compares.
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -433,6 +433,9 @@ def decide(
     poses, and the largest error that noise alone makes elsewhere.
     """
 
+def distances(devices: Array, usual: tuple[float, float, float]) -> Array:
+    """Distance of each device from what is usual, in standard deviations; NaN where it is not known."""
+
 def evidence_schema() -> str:
     """JSON Schema of the evidence that a report is drawn from, as text."""
 
@@ -454,15 +457,6 @@ def exported(
     """The mechanism with the parameters of a result in it, the same motions of the ends of its
     chains as rows `{chain: row}`, and what could not be put in: objects with `kind`, `term`, `target`
     and `text`.
-    """
-
-def faults(
-    values: Array, counts: Sequence[bool], pose: npt.NDArray[np.uintp], held: bool
-) -> list[tuple[int, list[tuple[int, bool]], tuple[float, list[int]] | None]]:
-    """Faults of converters: channel, stuck bits and their values, clipped at and in which poses.
-
-    `values` has shape (n, channels), `counts` says which are read in whole counts, `pose` numbers
-    the pose of each row from 0.
     """
 
 def fixture(
@@ -676,17 +670,35 @@ def shares(
 def spec(term: str, target: str | None = None, place: str | None = None) -> str:
     """A term at its place, as it is asked for: `curvature@a22`, `slip@a22:17`."""
 
-def steps(values: Array, counts: Sequence[bool]) -> list[float]:
-    """The step of each channel, shape (channels,): of a counter a count or more; zero where readings
-    lie on no grid.
+def standing_out(
+    verdicts: npt.NDArray[np.int64],
+    fits: Array,
+    devices: Iterable[Array],
+    usual: Sequence[tuple[float, float, float]],
+) -> list[tuple[int, float, tuple[int, float | None] | None]]:
+    """Devices that stand out, those first that need a decision: each with its size, and the parameter with how many
+    times worse than usual it is known; None where the verdict says why. `fits` has χ² and degrees of freedom,
+    `devices` gives the values of one parameter after the other, of which `usual` has what is usual.
+    """
 
-    `values` has shape (n, channels), `counts` says which are read in whole counts.
+def still_stretches(
+    values: Array, time: Any, hold: float, inside: npt.NDArray[np.bool_] | None = None
+) -> list[tuple[int, int]]:
+    """First row, and row after the last, of each stretch of a recording that is still for `hold` seconds. `values`
+    has shape (n, channels), and `inside` says which rows may belong to a stretch.
     """
 
 def summed(devices: Array) -> dict[str, Any] | None:
     """The tests of fit of many devices together: `{devices, chi2, dof, p_value}`, None for too few.
 
     `devices` has a row for each: chi2, dof, p-value.
+    """
+
+def suspects(
+    channels: Sequence[Any], values: Array, pose: npt.NDArray[np.int64] | None
+) -> list[dict[str, Any]]:
+    """What looks wrong in readings of shape (n, channels): the variants of `Suspect`, each as a dictionary
+    with its `kind`. Rows are counted from 0; `pose` labels each row, None for a recording.
     """
 
 def terms(mechanism: Mechanism) -> list[dict[str, Any]]:
@@ -700,6 +712,24 @@ def unit_of_key(mechanism: Mechanism, key: str) -> str | None:
 def units_of(mechanism: Mechanism, named: Sequence[tuple[Spec, str]]) -> list[list[str]]:
     """The units that each parameter of a result may have, of ((term, target, place), name); empty where
     any will do.
+    """
+
+def unlabelled(
+    channels: Sequence[Any],
+    values: Array,
+    pose: npt.NDArray[np.int64] | None,
+    sample: npt.NDArray[np.int64] | None,
+) -> dict[str, Any] | None:
+    """Poses that nothing numbers: a variant of `Unlabelled` as a dictionary with its `kind`, None where every
+    row is a pose of its own. `sample` numbers the sample of each row.
+    """
+
+def usual(
+    devices: Array, verdicts: npt.NDArray[np.int64]
+) -> tuple[tuple[float, float, float], tuple[int, float]] | None:
+    """What is usual of a parameter over a fleet, (median, sd between devices, sd of one), and the device that is
+    farthest from that, with its distance; None for too few. `devices` has a value and its sd in each row,
+    `verdicts` their places in `VERDICTS`, -1 for refused.
     """
 
 def within_limits(mechanism: Mechanism, count: Any, *, seed: int = 0) -> Array:

@@ -6,7 +6,6 @@ mod devices;
 mod documents;
 mod error;
 mod experiments;
-mod faults;
 mod history;
 mod mechanism;
 mod monitor;
@@ -14,6 +13,7 @@ mod numbers;
 mod observations;
 mod options;
 mod population;
+mod raw;
 mod tables;
 mod threads;
 
@@ -84,8 +84,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(apply::units_of, module)?)?;
     module.add_function(wrap_pyfunction!(apply::fixture, module)?)?;
     module.add_function(wrap_pyfunction!(apply::judged_open_loop, module)?)?;
-    module.add_function(wrap_pyfunction!(faults::faults, module)?)?;
-    module.add_function(wrap_pyfunction!(faults::steps, module)?)?;
+    module.add_function(wrap_pyfunction!(raw::suspects, module)?)?;
+    module.add_function(wrap_pyfunction!(raw::unlabelled, module)?)?;
+    module.add_function(wrap_pyfunction!(raw::still_stretches, module)?)?;
     module.add_function(wrap_pyfunction!(apply::budget, module)?)?;
     module.add_function(wrap_pyfunction!(apply::check, module)?)?;
     module.add_function(wrap_pyfunction!(apply::decide, module)?)?;
@@ -97,6 +98,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(population::population, module)?)?;
     module.add_function(wrap_pyfunction!(population::summed, module)?)?;
     module.add_function(wrap_pyfunction!(population::common_shifts, module)?)?;
+    module.add_function(wrap_pyfunction!(population::usual, module)?)?;
+    module.add_function(wrap_pyfunction!(population::distances, module)?)?;
+    module.add_function(wrap_pyfunction!(population::standing_out, module)?)?;
     module.add_function(wrap_pyfunction!(numbers::plain_numbers, module)?)?;
     Ok(())
 }

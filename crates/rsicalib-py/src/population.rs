@@ -4,9 +4,11 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyAr
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict};
 use pythonize::pythonize;
+use rsicalib::diagnosis::verdict::Verdict;
 use rsicalib::estimate::Expected;
 use rsicalib::estimate::directions::ParameterReport;
 use rsicalib::model::Spec;
+use rsicalib::population::standing_out::{self as fleet, Known, Odd, Usual};
 use rsicalib::population::{Candidate, Share, Shift, Summed, middles};
 
 use crate::error::PyError;
@@ -192,4 +194,71 @@ pub fn common_shifts<'py>(
         work(py, || rsicalib::population::common_shifts(&estimates, &levels))?
             .map_err(PyError::from)?;
     found.iter().map(|one| Ok(one.as_ref().map(|one| pythonize(py, one)).transpose()?)).collect()
+}
+
+/// Median of a parameter over usable devices, standard deviation between them, and of one of them.
+type PyUsual = (f64, f64, f64);
+
+/// A device, how much it stands out, and the parameter with how many times worse than usual it is known.
+type PyRemark = (usize, f64, Option<(usize, Option<f64>)>);
+
+fn usual_of((median, between, within): PyUsual) -> Usual {
+    Usual { median, between, within }
+}
+
+/// Pairs of numbers, row by row.
+fn pairs(of: &PyReadonlyArray2<'_, f64>) -> Vec<(f64, f64)> {
+    of.as_array().rows().into_iter().map(|row| (row[0], row[1])).collect()
+}
+
+/// Verdicts by their places in `VERDICTS`; what has no place was refused.
+fn verdicts_of(places: &PyReadonlyArray1<'_, i64>) -> Vec<Option<Verdict>> {
+    let verdict = |place: &i64| Verdict::ALL.get(usize::try_from(*place).ok()?).copied();
+    places.as_array().iter().map(verdict).collect()
+}
+
+/// What is usual of a parameter over a fleet, (median, sd between devices, sd of one), and the device that is
+/// farthest from that, with its distance; None for too few. `devices` has a value and its sd in each row,
+/// `verdicts` their places in `VERDICTS`, -1 for refused.
+#[pyfunction]
+pub fn usual(
+    devices: PyReadonlyArray2<'_, f64>,
+    verdicts: PyReadonlyArray1<'_, i64>,
+) -> Option<(PyUsual, (usize, f64))> {
+    let devices: Vec<Known> = pairs(&devices);
+    let found = Usual::of(&devices, &verdicts_of(&verdicts))?;
+    Some(((found.median, found.between, found.within), found.furthest(&devices)))
+}
+
+/// Distance of each device from what is usual, in standard deviations; NaN where it is not known.
+#[pyfunction]
+pub fn distances<'py>(
+    py: Python<'py>,
+    devices: PyReadonlyArray2<'py, f64>,
+    usual: PyUsual,
+) -> Bound<'py, PyArray1<f64>> {
+    let usual = usual_of(usual);
+    PyArray1::from_iter(py, pairs(&devices).into_iter().map(|own| usual.far(own)))
+}
+
+/// Devices that stand out, those first that need a decision: each with its size, and the parameter with how many
+/// times worse than usual it is known; None where the verdict says why. `fits` has χ² and degrees of freedom,
+/// `devices` gives the values of one parameter after the other, of which `usual` has what is usual.
+#[pyfunction]
+pub fn standing_out(
+    verdicts: PyReadonlyArray1<'_, i64>,
+    fits: PyReadonlyArray2<'_, f64>,
+    devices: &Bound<'_, PyAny>,
+    usual: Vec<PyUsual>,
+) -> PyResult<Vec<PyRemark>> {
+    let verdicts = verdicts_of(&verdicts);
+    let mut found = fleet::by_verdict(&verdicts, &pairs(&fits));
+    let numbers = verdicts.len() * usual.len();
+    for (k, (devices, usual)) in devices.try_iter()?.zip(usual).enumerate() {
+        let devices: Vec<Known> = pairs(&devices?.extract()?);
+        found.extend(fleet::by_parameter(k, &usual_of(usual), &devices, &verdicts, numbers));
+    }
+    fleet::sort(&mut found, &verdicts);
+    let odd = |Odd { number, weak }| (number, weak);
+    Ok(found.into_iter().map(|one| (one.device, one.size, one.parameter.map(odd))).collect())
 }

@@ -34,11 +34,11 @@ def map_figure(
     labels = rows[by]
     harm: FloatArray = np.zeros(len(labels))
     for one in spread:
-        away = np.abs(one.distances(rows)[0])
+        away = np.abs(one.distances(rows))
         harm = np.maximum(harm, np.where(np.isfinite(away), away, 0.0))
     order = np.argsort(-harm, kind="stable")[:MOST_DEVICES].tolist()
     names = [str(labels[device]) for device in order]
-    far: FloatArray = np.array([one.distances(rows)[0][order] for one in spread]).T
+    far: FloatArray = np.array([one.distances(rows)[order] for one in spread]).T
 
     def draw(width: float) -> str:
         parameters = [one.name for one in spread]

@@ -1,31 +1,19 @@
-"""Devices that stand out of a fleet, and why."""
+"""Devices that stand out of a fleet, and why: the core says which, and by what."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from statistics import NormalDist
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from rsicalib.arrays import FloatArray
+from rsicalib import _core
+from rsicalib.arrays import FloatArray, IntArray
+from rsicalib.facts.verdicts import EXIT_CODES
 from rsicalib.fleets.frames import numbers_of
 
 __all__ = ["Remark", "Spread", "remarks", "spreads"]
-
-FEWEST = 20
-"""Devices from which on a spread tells what is usual."""
-
-FALSE = 0.01
-"""Probability of naming any parameter of a fleet of normal devices."""
-
-WEAK = 4.0
-"""A parameter is hardly determined where its standard deviation is so many times the usual."""
-
-UNDETERMINED = "undetermined"
-
-FINE = {"adequate", "explained", "unjudged"}
 
 
 @dataclass(frozen=True)
@@ -67,78 +55,60 @@ class Spread:
     within: float
     furthest: tuple[int, float]
 
-    def distances(self, rows: Mapping[str, Sequence[Any]]) -> tuple[FloatArray, FloatArray]:
-        """Of each device: how far it is from the median, and how weakly it is known.
+    @property
+    def usual(self) -> tuple[float, float, float]:
+        """What the core compares devices with."""
+        return self.median, self.between, self.within
 
-        The first in units of the larger of `between` and the device's own standard deviation, NaN
-        where unknown; the second its standard deviation over `within`. Shape (n,). They are not
+    def distances(self, rows: Mapping[str, Sequence[Any]]) -> FloatArray:
+        """How far each device is from the median, shape (n,); NaN where unknown.
+
+        In units of the larger of `between` and the device's own standard deviation. They are not
         kept: a fleet may have a million devices.
         """
-        value, sd = numbers_of(rows, self.name), numbers_of(rows, f"{self.name}_sd")
-        scale = np.fmax(np.fmax(self.between, sd), np.finfo(np.float64).tiny)
-        return (value - self.median) / scale, sd / self.within
+        return _core.distances(_devices(rows, self.name), self.usual)
 
 
 def spreads(rows: Mapping[str, Sequence[Any]]) -> list[Spread]:
     """Spread of each parameter over the devices whose calibration is usable."""
-    usable = np.array([verdict in FINE for verdict in rows["verdict"]], dtype=np.bool_)
-    out = []
+    verdicts, out = _verdicts(rows), []
     for name in [n for n in rows if f"{n}_sd" in rows]:
-        value, sd = numbers_of(rows, name), numbers_of(rows, f"{name}_sd")
-        known = usable & np.isfinite(value)
-        if known.sum() < FEWEST:
-            continue
-        median = float(np.median(value[known]))
-        between = 1.4826 * float(np.median(np.abs(value[known] - median)))
-        finite = known & np.isfinite(sd)
-        within = float(np.median(sd[finite])) if finite.any() else np.nan
-        one = Spread(name, median, between, within, (0, 0.0))
-        far = np.nan_to_num(np.abs(one.distances(rows)[0]))
-        out.append(replace(one, furthest=(int(far.argmax()), float(far.max()))))
+        found = _core.usual(_devices(rows, name), verdicts)
+        if found is not None:
+            out.append(Spread(name, *found[0], found[1]))
     return out
 
 
 def remarks(rows: Mapping[str, Sequence[Any]], by: str, spread: Sequence[Spread]) -> list[Remark]:
     """Devices that stand out, those first that need a decision."""
-    found = [*_by_verdict(rows, by), *_by_parameter(rows, by, spread)]
-    rank = {"refused": 0, "undetermined": 1, "implausible": 2, "unexplained": 3}
-    rank |= {"partly_explained": 4, "explained": 5}
-    return sorted(found, key=lambda r: (rank.get(r.verdict, 6), -r.size))
-
-
-def limit(tests: int) -> float:
-    """Distance that one of so many normal numbers exceeds with the probability `FALSE`."""
-    return NormalDist().inv_cdf(1.0 - FALSE / (2.0 * max(tests, 1)))
-
-
-def _by_verdict(rows: Mapping[str, Sequence[Any]], by: str) -> Iterator[Remark]:
-    labels, messages = rows[by], rows["message"]
-    chi2, dof = numbers_of(rows, "chi2"), numbers_of(rows, "dof")
-    for i, verdict in enumerate(rows["verdict"]):
-        if verdict in ("adequate", "unjudged"):
+    fits = np.column_stack([numbers_of(rows, name) for name in ("chi2", "dof")])
+    values = (_devices(rows, one.name) for one in spread)
+    found = _core.standing_out(_verdicts(rows), fits, values, [one.usual for one in spread])
+    numbers = {k: numbers_of(rows, spread[k].name) for k in {at[0] for _, _, at in found if at}}
+    labels, verdicts, messages = rows[by], rows["verdict"], rows["message"]
+    out = []
+    for i, size, at in found:
+        verdict = verdicts[i] or "refused"
+        if at is None:
+            out.append(Remark(labels[i], size, verdict, messages[i] or ""))
             continue
-        size = float(chi2[i] / dof[i]) if dof[i] > 0.0 else 0.0
-        yield Remark(labels[i], np.nan_to_num(size), verdict or "refused", messages[i] or "")
+        (k, weak), one = at, spread[at[0]]
+        why = (
+            f"{one.name} = {numbers[k][i]:.6g}: {size:.1f} standard deviations from the "
+            f"fleet's {one.median:.6g}"
+            if weak is None
+            else f"{one.name} is known {weak:.1f} times worse than usual"
+        )
+        out.append(Remark(labels[i], size, verdict, why, one.name))
+    return out
 
 
-def _by_parameter(
-    rows: Mapping[str, Sequence[Any]], by: str, spread: Sequence[Spread]
-) -> Iterator[Remark]:
-    labels, verdicts = rows[by], rows["verdict"]
-    most = limit(len(labels) * len(spread))
-    for one in spread:
-        far, weak = one.distances(rows)
-        odd = np.flatnonzero((np.abs(far) > most) | (weak > WEAK)).tolist()
-        values = numbers_of(rows, one.name)
-        for i in odd:
-            # Of an undetermined device its verdict says so, once for all of its parameters.
-            if verdicts[i] is None or (verdicts[i] == UNDETERMINED and abs(far[i]) <= most):
-                continue
-            if abs(far[i]) > most:
-                why = (
-                    f"{one.name} = {values[i]:.6g}: {abs(far[i]):.1f} standard deviations from the "
-                    f"fleet's {one.median:.6g}"
-                )
-            else:
-                why = f"{one.name} is known {weak[i]:.1f} times worse than usual"
-            yield Remark(labels[i], float(abs(far[i])), verdicts[i], why, one.name)
+def _devices(rows: Mapping[str, Sequence[Any]], name: str) -> FloatArray:
+    """Value and standard deviation of a parameter of each device, shape (n, 2)."""
+    return np.column_stack([numbers_of(rows, name), numbers_of(rows, f"{name}_sd")])
+
+
+def _verdicts(rows: Mapping[str, Sequence[Any]]) -> IntArray:
+    """The verdict of each device by its place among all, -1 where it was refused."""
+    places = {name: k for k, name in enumerate(EXIT_CODES)}
+    return np.array([places.get(verdict, -1) for verdict in rows["verdict"]], dtype=np.int64)

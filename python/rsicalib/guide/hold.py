@@ -12,9 +12,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rsicalib._core import still_stretches
 from rsicalib.arrays import FloatArray
 from rsicalib.guide.log import Sample
-from rsicalib.imports.stretches import still_stretches
 
 __all__ = ["LONGER", "Hold", "apart"]
 

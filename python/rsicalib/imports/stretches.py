@@ -1,31 +1,18 @@
-"""Recordings become sessions by one rule: still stretches are held poses, the rest is motion.
-
-A stretch is still if each channel, in every window of the least length, stays within what its own
-noise does to as many rows in all but one of 10 000 cases, or within two steps of its converter.
-The noise is what neighbouring rows differ by (von Neumann 1941): motion, which goes on from row to
-row, adds little to that and much to the range.
-"""
+"""Recordings become sessions by one rule: still stretches are held poses, the rest is motion."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
 
-from rsicalib._core import LARGEST
+from rsicalib._core import LARGEST, still_stretches
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import HOLD, Asked
 from rsicalib.imports.log import Column, Session
 
-__all__ = ["Recording", "session_of", "step_of", "still_stretches"]
-
-INSIDE = 0.9999
-"""Probability with which noise alone keeps all rows of a window within the limits."""
-
-QUIET = 0.1
-"""The noise of a channel is that of the quietest tenth of the windows."""
+__all__ = ["Recording", "session_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,78 +155,3 @@ def _rows(
     columns |= {name: [text] * int(keep.sum()) for name, text in asked.labels.items()}
     columns |= {name: recording.values[keep, k] for k, name in enumerate(recording.names)}
     return Session(columns, recording.lines[keep], recording.name)
-
-
-def still_stretches(
-    values: FloatArray, time: FloatArray, hold: float, inside: np.ndarray | None = None
-) -> list[tuple[int, int]]:
-    """First row, and row after the last, of each still stretch.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n, C)
-        Readings.
-    time : ndarray, shape (n,)
-        Time [s]; a gap of more than `hold`, or a step back, ends a stretch.
-    hold : float
-        Least length [s].
-    inside : ndarray of bool, shape (n,), optional
-        Rows that may belong to a stretch.
-
-    Returns
-    -------
-    list of (int, int)
-        In order of time; stretches do not overlap.
-    """
-    n = len(values)
-    steps = np.diff(time)
-    going = steps[steps > 0.0]
-    rows = max(2, int(np.ceil(hold / np.median(going) - 1e-9)) + 1) if going.size else n + 1
-    if n < rows:
-        return []
-    ranges = _running(np.maximum, values, rows) - _running(np.minimum, values, rows)
-    variance = np.cumsum(np.vstack([np.zeros(values.shape[1]), np.diff(values, axis=0) ** 2]), 0)
-    noise = np.sqrt((variance[rows - 1 :] - variance[: n - rows + 1]) / (2 * (rows - 1)))
-    sigma = np.quantile(noise, QUIET, axis=0)
-    step = np.array([step_of(column) for column in values.T])
-    quiet = (ranges <= _limit(rows, sigma, step)).all(axis=1)
-    broken = np.flatnonzero((steps > hold) | (steps < 0.0)) + 1
-    if inside is not None:
-        broken = np.union1d(broken, np.flatnonzero(np.diff(inside.astype(int))) + 1)
-        quiet &= inside[: n - rows + 1]
-    ends = np.append(broken, n)
-    ends = ends[np.searchsorted(ends, np.arange(n - rows + 1), side="right")]
-    quiet &= np.arange(n - rows + 1) + rows <= ends
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(int), [0]])))
-    found: list[tuple[int, int]] = []
-    for start, last in edges.reshape(-1, 2).tolist():  # windows start .. last - 1 are quiet
-        begin = max(start, found[-1][1] if found else 0)
-        if last - 1 + rows - begin >= rows:
-            found.append((begin, last - 1 + rows))
-    return found
-
-
-def _running(pick: np.ufunc, values: FloatArray, rows: int) -> FloatArray:
-    """Greatest or least of so many rows, from each row on: windows of twice the width in turn."""
-    out, width = values, 1
-    while 2 * width <= rows:
-        out, width = pick(out[:-width], out[width:]), 2 * width
-    found: FloatArray = pick(out[: len(values) - rows + 1], out[rows - width :])
-    return found
-
-
-def _limit(rows: int, sigma: FloatArray, step: FloatArray) -> FloatArray:
-    """Range within which so many rows of noise stay, shape (C,)."""
-    width = 2.0 * NormalDist().inv_cdf(1.0 - (1.0 - INSIDE) / (2.0 * rows))
-    return np.maximum(width * sigma, 2.0 * step)
-
-
-def step_of(values: FloatArray) -> float:
-    """Smallest difference between values of a channel: the step of its converter; 0 for none.
-
-    Differences that are nothing beside the values are rounding.
-    """
-    distinct = np.unique(values)
-    gaps = np.diff(distinct)
-    gaps = gaps[gaps > 1e-9 * max(float(np.abs(distinct).max(initial=0.0)), 1e-300)]
-    return float(gaps.min(initial=np.inf)) if gaps.size else 0.0

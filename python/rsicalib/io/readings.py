@@ -31,7 +31,7 @@ from rsicalib.io.cells import (
 from rsicalib.io.files import whole_file
 from rsicalib.io.frames import TableArg, table_in_memory
 from rsicalib.io.order import check_poses_are_together, time_goes_back
-from rsicalib.io.repeats import numbered, numbered_apart
+from rsicalib.io.repeats import numbered
 from rsicalib.io.samples import Samples, Skipped, frozen, picked
 from rsicalib.io.suspicions import suspicions
 from rsicalib.io.tables import (
@@ -346,7 +346,7 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
         line_word=table.line_word,
     )
     check_poses_are_together(readings)
-    repeats, said = (None, numbered_apart(readings)) if held else numbered(readings, mechanism)
+    repeats, said = numbered(readings, mechanism)
     warnings = [*ignored, *time_goes_back(readings), *said, *suspicions(readings, mechanism)]
     return replace(
         readings, warnings=tuple(warnings), repeats=None if repeats is None else frozen(repeats)

@@ -2,19 +2,13 @@
 //! another one that all channels have.
 
 use std::f64::consts::{PI, TAU};
-use std::sync::Arc;
 
-use crate::Error;
-use crate::estimate::objective::Noise;
+use crate::estimate::miswired::{NEAR, OTHER_UNIT, apart};
 use crate::estimate::observations::Observations;
-use crate::estimate::options::FitOptions;
-use crate::estimate::rewired::{DECISIVE, NEAR, OTHER_UNIT, Rewired, apart, stays};
 use crate::estimate::significance::LEVEL;
-use crate::estimate::suspicion::{Closes, InDegrees, Scaled, Suspicion};
-use crate::mechanism::{Channel, Mechanism};
+use crate::estimate::suspicion::{InDegrees, Suspicion};
+use crate::mechanism::Channel;
 use crate::model::Model;
-use crate::numerics::lm::SolverOptions;
-use crate::readings::Table;
 use crate::terms::term::Role;
 
 /// Readings in radians span more than this many times what they can: no joint does, and
@@ -167,91 +161,4 @@ fn by_chance(hits: usize, all: usize) -> f64 {
     let probability =
         |k: usize| ways(k) * NEAR.powi(k as i32) * (1.0 - NEAR).powi((all - k) as i32);
     (hits..=all).map(probability).sum()
-}
-
-/// A fit ends where steps lower χ² by less than this part of it: such fits are told apart by a factor of
-/// [`DECISIVE`], of which this is a fiftieth.
-const LITTLE: f64 = 0.02 / DECISIVE;
-
-/// A fit of other observations.
-pub(crate) struct Again {
-    /// χ² per degree of freedom.
-    pub(crate) left: f64,
-    /// Its model.
-    pub(crate) model: Arc<Model>,
-    /// Its parameters.
-    pub(crate) beta: Vec<f64>,
-}
-
-impl Again {
-    /// A fit of other readings of a session, or of its readings by another drawing; none where there is none.
-    ///
-    /// Both are judged by one `noise`, that of a fit of the session, in units of the readings that are fitted.
-    pub(crate) fn of(
-        observations: &Observations,
-        (mechanism, table): (&Mechanism, Table),
-        noise: &Noise,
-        refit: &impl Fn(&Observations) -> Result<Self, Error>,
-    ) -> Option<Self> {
-        let Noise { sigma, play, seating, measured } = noise.clone();
-        let (noise, measured) = (Some(sigma), Some(measured));
-        let of = observations.options.clone();
-        let lm = SolverOptions { ftol: LITTLE, ..of.lm.clone() };
-        let options = FitOptions { noise, play, seating, measured, lm, ..of };
-        let rest = observations.rest.clone();
-        let there = Observations::new(mechanism, table, rest, options).ok()?;
-        let weights = observations.weights.clone();
-        refit(&Observations { weights, judged: true, ..there }).ok()
-    }
-}
-
-/// χ² per degree of freedom below which a loop closes with a mistake undone, where `left` is what it is as
-/// declared: by far less, and no more than a start may leave that leads to a fit. None where mistakes are not
-/// looked for: in a long recording, and where the loop closes as declared.
-pub(crate) fn closing(observations: &Observations, left: f64) -> Option<f64> {
-    (!observations.is_long() && left >= DECISIVE)
-        .then(|| observations.options.good_start.min(left / DECISIVE))
-}
-
-/// Readings or offsets in the other unit, where the loop closes with it and by far not as declared:
-/// `left` is χ² per degree of freedom by a `noise`, and `refit` a fit of other observations. Readings in
-/// another unit have a noise in that unit.
-pub(crate) fn in_other_unit(
-    observations: &Observations,
-    noise: &Noise,
-    left: f64,
-    refit: impl Fn(&Observations) -> Result<Again, Error>,
-) -> Option<Suspicion> {
-    let limit = closing(observations, left)?;
-    let again = |Rewired { readings, observations: of }: Rewired, noise: &Noise| {
-        Again::of(&of, (&of.mechanism, readings.table), noise, &refit)
-    };
-    let suspicion = |channels, what, times, with| {
-        let of = InDegrees::Loop { what, times, closes: Closes { with, declared: left } };
-        (with, Suspicion::Degrees { channels, of })
-    };
-    let readings = |times: f64| {
-        let (other, channels) = Rewired::scaled(observations, &observations.readings, times)?;
-        let mut noise = noise.clone();
-        channels.iter().for_each(|&c| noise.sigma[c] *= times);
-        let chances: Vec<_> = other.by_chance(true).collect();
-        let with = again(other, &noise)?.left;
-        // What moves less, or is as noisy as that, may close by chance; where no fit of such readings
-        // starts, they do not.
-        let closes = with < limit
-            && chances.into_iter().all(|(chance, counts)| {
-                let by_chance = again(chance, &noise);
-                by_chance.is_none_or(|by_chance| with * DECISIVE < counts * by_chance.left)
-            });
-        closes.then(|| suspicion(channels, Scaled::Readings, times, with))
-    };
-    let offsets = |times: f64| {
-        let (other, channels) = Rewired::offsets(observations, &observations.readings, times)?;
-        let fit = again(other, noise)?;
-        let drawn = vec![0.0; fit.beta.len()];
-        let (with, there) = (fit.left, stays(&fit.model, &channels, [&drawn, &fit.beta]));
-        (there && with < limit).then(|| suspicion(channels, Scaled::Offsets, times, with))
-    };
-    let found = OTHER_UNIT.into_iter().flat_map(|times| [readings(times), offsets(times)]);
-    found.flatten().min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, suspicion)| suspicion)
 }

@@ -14,7 +14,7 @@ use crate::estimate::doubts;
 use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::lengths;
-use crate::estimate::miswired::miswired;
+use crate::estimate::miswired;
 use crate::estimate::noise::channels::{self, Length};
 use crate::estimate::noise::open;
 use crate::estimate::noise::rounding::Rounding;
@@ -414,7 +414,7 @@ fn minimum(
             let again = self::fit(other, terms, None)?;
             let left = if again.has_start() { again.chi2 / again.dof } else { f64::INFINITY };
             let Fit { model, beta, .. } = again;
-            Ok(degrees::Again { left, model, beta })
+            Ok(miswired::Again { left, model, beta })
         };
         let refit = |other: &Observations| fit_by(other, fit.model.instances.clone());
         let mut said = Vec::new();
@@ -423,12 +423,12 @@ fn minimum(
             if fit.plausible {
                 said.extend(degrees::of_fit(observations, &fit.model, &fit.beta));
             }
-            said.extend(degrees::in_other_unit(observations, &noise, fit.chi2 / fit.dof, refit));
+            said.extend(miswired::in_other_unit(observations, &noise, fit.chi2 / fit.dof, refit));
         }
         let wired = !fit.warnings.iter().any(|it| it.of_wiring() && !it.is_no_start());
         if wired && !said.iter().any(Suspicion::of_wiring) {
             let left = if no_start { f64::INFINITY } else { fit.chi2 / fit.dof };
-            said.extend(miswired(observations, &fit.model, &noise, left, fit_by));
+            said.extend(miswired::miswired(observations, &fit.model, &noise, left, fit_by));
             if !said.iter().any(Suspicion::of_wiring) {
                 said.extend(lengths::in_other_unit(observations, &noise, left, refit));
             }

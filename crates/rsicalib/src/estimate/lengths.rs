@@ -1,7 +1,7 @@
 //! One length of a drawing in another unit than the others: a link in metres among millimetres.
 
 use crate::Error;
-use crate::estimate::degrees::{Again, closing};
+use crate::estimate::miswired::{Again, closing};
 use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Closes, Measure, Suspicion};

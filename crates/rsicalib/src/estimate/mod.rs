@@ -31,7 +31,6 @@ pub mod paper;
 mod priors;
 pub mod progress;
 mod residuals;
-mod rewired;
 pub mod search;
 pub(crate) mod settle;
 pub mod significance;
@@ -43,7 +42,6 @@ pub mod suspicion;
 mod times;
 pub mod tried;
 mod untouched;
-mod wiring;
 
 pub use algebraic::Algebraic;
 pub use by_group::{groups_along, numbered_groups, with_groups};

@@ -1,12 +1,11 @@
 //! Starts in order of distance from the nominal gains, until one is good.
 
+use crate::estimate::miswired::{self, Suspected};
 use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
 use crate::estimate::search::{End, StartSearch, anchored};
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::{Gains, Origin, Start, Try};
-use crate::estimate::wiring::Suspected;
-use crate::estimate::{rewired, wiring};
 use crate::model::Model;
 
 /// Common factors on the nominal gains, the nearest to 1 first.
@@ -84,13 +83,13 @@ fn suspected(search: &StartSearch<'_>, best: Option<&End>) -> Option<Suspected> 
     }
     if search.knows()
         && enough(search, search.knowledge())
-        && let Some(suspicion) = rewired::suspect(search, best)
+        && let Some(suspicion) = miswired::by_knowledge(search, best)
     {
         return Some(Suspected { suspicion, end: None });
     }
     let score = best.map_or(f64::INFINITY, |end| end.score);
     let doubtful = score >= options.good_start && enough(search, 0);
-    doubtful.then(|| wiring::suspect(search, score))?
+    doubtful.then(|| miswired::by_start(search, score))?
 }
 
 /// True where poses and `known` equations beside them are half as many again as there are

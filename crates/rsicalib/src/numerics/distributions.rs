@@ -43,7 +43,7 @@ pub fn chi2_beyond(x: f64, dof: f64, noncentrality: f64) -> f64 {
     // Beyond 12 standard deviations weights are below 1e-30.
     let reach = 12.0 * half.sqrt() + 30.0;
     let (low, high) = ((half - reach).max(0.0).floor(), (half + reach).ceil());
-    let mut log_factorial: f64 = (1..=low as u64).map(|k| (k as f64).ln()).sum();
+    let mut log_factorial = log_factorial(low as u64);
     let (mut sum, mut count) = (0.0, low);
     while count <= high {
         let log_weight = match half > 0.0 {
@@ -56,6 +56,12 @@ pub fn chi2_beyond(x: f64, dof: f64, noncentrality: f64) -> f64 {
         log_factorial += count.ln();
     }
     sum.min(1.0)
+}
+
+/// `ln n!`.
+#[must_use]
+pub fn log_factorial(n: u64) -> f64 {
+    (1..=n).map(|k| (k as f64).ln()).sum()
 }
 
 /// `x` with `P(χ²(dof) > x) = p`; NaN where `p` is no probability.

@@ -22,6 +22,7 @@ mod joint;
 mod levels;
 mod naming;
 mod share;
+pub mod standing_out;
 mod vectors;
 
 pub use first::{Shift, Summed, common_shifts, summed};

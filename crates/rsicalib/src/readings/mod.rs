@@ -9,6 +9,7 @@ mod holding;
 pub mod plain;
 pub mod sampled;
 mod samples;
+pub mod still;
 mod table;
 pub(crate) mod way;
 
@@ -17,4 +18,4 @@ pub use block::Block;
 pub use holding::Holding;
 pub use samples::Readings;
 pub use table::Table;
-pub(crate) use table::{average, rows_of, runs_of_poses};
+pub(crate) use table::{average, rows_of, runs_of, runs_of_poses};

@@ -36,15 +36,21 @@ impl Table {
 #[must_use]
 pub(crate) fn runs_of_poses(table: &Table, channels: usize) -> Vec<Range<usize>> {
     let rows = table.values.len().checked_div(channels).unwrap_or(0);
-    let begins = |row: &usize| match &table.pose {
-        Some(labels) => *row == 0 || labels[*row] != labels[*row - 1],
-        None => true,
-    };
-    let mut runs: Vec<Range<usize>> = (0..rows).filter(begins).map(|row| row..rows).collect();
-    for k in 1..runs.len() {
-        runs[k - 1].end = runs[k].start;
+    match &table.pose {
+        Some(labels) => runs_of(labels),
+        None => (0..rows).map(|row| row..row + 1).collect(),
     }
-    runs
+}
+
+/// The runs of entries that are equal.
+#[must_use]
+pub(crate) fn runs_of<T: PartialEq>(entries: &[T]) -> Vec<Range<usize>> {
+    let end = |start: &mut usize, run: &[T]| {
+        let own = *start..*start + run.len();
+        *start = own.end;
+        Some(own)
+    };
+    entries.chunk_by(T::eq).scan(0, end).collect()
 }
 
 /// Mean of the numbers among these; NaN where there is none.

@@ -16,7 +16,7 @@ use crate::screening::excluded::{Cause, Excluded};
 pub use crate::screening::fault::FaultKind;
 
 /// How often a rule may speak up in sound data, per file.
-const RARE: f64 = 1e-6;
+pub(crate) const RARE: f64 = 1e-6;
 
 /// A fault of one channel.
 #[derive(Debug, Clone, PartialEq)]

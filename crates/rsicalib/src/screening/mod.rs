@@ -6,5 +6,6 @@ pub mod excluded;
 pub mod fault;
 pub mod outliers;
 pub mod placements;
+pub mod raw;
 pub mod sound;
 pub mod steps;

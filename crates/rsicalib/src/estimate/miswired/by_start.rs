@@ -1,12 +1,14 @@
-//! Mistakes at first wiring: a reversed channel, two exchanged ones, a potentiometer
-//! whose gap lies within the range of motion, degrees for radians.
+//! Mistakes that the search for a start tells, a track whose gap lies within the range of motion among
+//! them.
 //!
 //! No start leads to a good fit then. Each mistake is tried in turn: where the loop
 //! closes with it and with no other, it is named.
 
-use crate::estimate::rewired::{DECISIVE, OTHER_UNIT, Rewired, stays};
+use crate::estimate::miswired::again::DECISIVE;
+use crate::estimate::miswired::mistake::Mistake;
+use crate::estimate::miswired::rewired::{Rewired, stays};
 use crate::estimate::search::{End, StartSearch, anchored, ratios};
-use crate::estimate::suspicion::{Closes, InDegrees, Scaled, Shown, Suspicion};
+use crate::estimate::suspicion::{Closes, Shown, Suspicion};
 use crate::readings::Table;
 
 /// A suspicion, and the fit that takes the mistake into account where that needs no other
@@ -48,38 +50,14 @@ pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspected> {
         let wrong: Vec<usize> = ratios.filter(|(_, ratio)| *ratio < 0.0).map(|(c, _)| c).collect();
         consider(end, true, &|closes| Suspicion::Reversed { channels: wrong.clone(), closes });
     }
-    for (other, channels) in Rewired::every_exchange(search.observations, &search.readings) {
-        if let Some(end) = rewired(search, &other) {
-            consider(end, false, &|closes| Suspicion::Exchanged { channels, closes });
-        }
-    }
-    for (other, channels, times) in Rewired::every_unit(search.observations, &search.readings) {
-        let by_chance = other
-            .by_chance(true)
-            .filter_map(|(other, counts)| rewired(search, &other).map(|end| counts * end.score));
-        let by_chance = by_chance.fold(f64::INFINITY, f64::min);
-        if let Some(end) = rewired(search, &other).filter(|e| e.score * DECISIVE < by_chance) {
-            let of = |closes| InDegrees::Loop { what: Scaled::Readings, times, closes };
-            consider(end, false, &|closes| Suspicion::Degrees {
-                channels: channels.clone(),
-                of: of(closes),
-            });
-        }
-    }
-    for times in OTHER_UNIT {
-        let Some((other, channels)) =
-            Rewired::offsets(search.observations, &search.readings, times)
-        else {
-            continue;
-        };
-        let from =
-            anchored(&other.observations, search.model, &vec![1.0; search.model.scales.len()]);
-        let stays = |end: &End| stays(search.model, &channels, [&from, &end.beta]);
-        if let Some(end) = rewired(search, &other).filter(stays) {
-            consider(end, true, &|closes| Suspicion::Degrees {
-                channels: channels.clone(),
-                of: InDegrees::Loop { what: Scaled::Offsets, times, closes },
-            });
+    let of = search.observations;
+    let units = Mistake::units(of).chain(Mistake::offsets(of));
+    for mistake in Mistake::exchanges(of).chain(units) {
+        let Some(other) = mistake.undone(of, &search.readings) else { continue };
+        let Some(end) = rewired(search, &other) else { continue };
+        if is_evidence(search, &mistake, &other, &end) {
+            let keep = matches!(mistake, Mistake::Offsets { .. });
+            consider(end, keep, &|closes| mistake.suspicion(closes));
         }
     }
     for channel in 0..channels {
@@ -119,6 +97,23 @@ fn rewired(search: &StartSearch<'_>, without: &Rewired) -> Option<End> {
         search.end_with(readings, &search.weights, &start)
     };
     best_of(FACTORS.into_iter().map(from))
+}
+
+/// True where an end without a mistake says that it was made.
+fn is_evidence(search: &StartSearch<'_>, mistake: &Mistake, other: &Rewired, end: &End) -> bool {
+    match mistake {
+        Mistake::Readings { .. } => {
+            let score = |(other, counts)| rewired(search, &other).map(|end| counts * end.score);
+            let by_chance = mistake.by_chance(other).filter_map(score);
+            end.score * DECISIVE < by_chance.fold(f64::INFINITY, f64::min)
+        }
+        Mistake::Offsets { channels, .. } => {
+            let factors = vec![1.0; search.model.scales.len()];
+            let from = anchored(&other.observations, search.model, &factors);
+            stays(search.model, channels, [&from, &end.beta])
+        }
+        Mistake::Exchanged(_) | Mistake::Reversed(_) => true,
+    }
 }
 
 /// Rows in which a potentiometer may have been on the gap of its track, or beyond.

@@ -1,0 +1,104 @@
+//! Mistakes that whole fits tell: units, and wires where no search for a start can tell.
+//!
+//! A search for a start reverses gains and exchanges columns. Where gains are not asked for it cannot
+//! reverse them, and a mechanism with unknown places begins without a search. There each mistake is
+//! undone in the readings, and everything is fitted again.
+
+use crate::Error;
+use crate::estimate::enough::enough;
+use crate::estimate::miswired::again::{Again, DECISIVE, closing};
+use crate::estimate::miswired::mistake::Mistake;
+use crate::estimate::miswired::rewired::{Rewired, stays};
+use crate::estimate::objective::Noise;
+use crate::estimate::observations::Observations;
+use crate::estimate::suspicion::{Closes, Suspicion};
+use crate::model::{Instance, Model};
+use crate::terms::term::Role;
+
+/// Exchanges where no search for a start tries them, and what no gain can reverse.
+fn untried(observations: &Observations, model: &Model) -> Vec<Mistake> {
+    let searched = model.unknowns.is_empty() && model.pose_unknowns() == 0;
+    let tried = |mistake: &Mistake| match mistake {
+        Mistake::Reversed(channel) => model.column(Role::Gain, *channel).is_some(),
+        _ => true,
+    };
+    let every = Mistake::exchanges(observations).chain(Mistake::reversals(observations));
+    every.filter(|mistake| !searched || !tried(mistake)).collect()
+}
+
+/// The only mistake with which the loop closes, and by far not as it is declared: `left` is χ² per degree
+/// of freedom by a `noise`, and `refit` a fit of other observations by these terms.
+///
+/// All are tried on a few poses, without what the way to a pose does; the likeliest is then held against the next
+/// on all.
+pub(crate) fn miswired(
+    observations: &Observations,
+    model: &Model,
+    noise: &Noise,
+    left: f64,
+    refit: impl Fn(&Observations, Vec<Instance>) -> Result<Again, Error>,
+) -> Option<Suspicion> {
+    let limit = closing(observations, left)?;
+    let likeliest = |of: &Observations, terms: &[Instance], mistakes: Vec<Mistake>| {
+        let again = |mistake: Mistake| {
+            let Rewired { readings, observations: of } = mistake.undone(of, &of.readings)?;
+            let refit = |of: &Observations| refit(of, terms.to_vec());
+            let again = Again::of(&of, (&of.mechanism, readings.table), noise, &refit)?;
+            Some((again.left, mistake))
+        };
+        let mut found: Vec<_> = mistakes.into_iter().filter_map(again).collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found
+    };
+    let mut mistakes = untried(observations, model);
+    if let Some((few, terms)) = enough(observations, model) {
+        let rough = likeliest(&few, &terms, mistakes);
+        mistakes = rough.into_iter().take(2).map(|(_, mistake)| mistake).collect();
+    }
+    let mut found = likeliest(observations, &model.instances, mistakes).into_iter();
+    let (with, mistake) = found.next()?;
+    let next = found.next().map_or(f64::INFINITY, |(next, _)| next);
+    let closes = Closes { with, declared: left };
+    (with < limit.min(next / DECISIVE)).then(|| mistake.suspicion(closes))
+}
+
+/// Readings or offsets in the other unit, where the loop closes with it and by far not as declared:
+/// `left` is χ² per degree of freedom by a `noise`, and `refit` a fit of other observations. Readings in
+/// another unit have a noise in that unit.
+pub(crate) fn in_other_unit(
+    observations: &Observations,
+    noise: &Noise,
+    left: f64,
+    refit: impl Fn(&Observations) -> Result<Again, Error>,
+) -> Option<Suspicion> {
+    let limit = closing(observations, left)?;
+    let again = |Rewired { readings, observations: of }: Rewired, noise: &Noise| {
+        Again::of(&of, (&of.mechanism, readings.table), noise, &refit)
+    };
+    let closes = |mistake: Mistake| {
+        let other = mistake.undone(observations, &observations.readings)?;
+        let mut noise = noise.clone();
+        if let Mistake::Readings { channels, times } = &mistake {
+            channels.iter().for_each(|&c| noise.sigma[c] *= times);
+        }
+        let fit = again(other.clone(), &noise)?;
+        let is_evidence = match &mistake {
+            Mistake::Offsets { channels, .. } => {
+                stays(&fit.model, channels, [&vec![0.0; fit.beta.len()], &fit.beta])
+            }
+            // What moves less, or is as noisy as that, may close by chance; where no fit of such readings
+            // starts, they do not.
+            _ => {
+                fit.left < limit
+                    && mistake.by_chance(&other).all(|(chance, counts)| {
+                        let by_chance = again(chance, &noise);
+                        by_chance.is_none_or(|it| fit.left * DECISIVE < counts * it.left)
+                    })
+            }
+        };
+        (fit.left < limit && is_evidence).then_some((fit.left, mistake))
+    };
+    let units = Mistake::units(observations).chain(Mistake::offsets(observations));
+    let found = units.filter_map(closes).min_by(|a, b| a.0.total_cmp(&b.0));
+    found.map(|(with, mistake)| mistake.suspicion(Closes { with, declared: left }))
+}
