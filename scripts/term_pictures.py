@@ -123,7 +123,7 @@ def _applied(
 
 def _table(values: FloatArray, **more: Any) -> dict[str, Any]:
     empty = {"pose": None, "time": None, "temperature": None, "session": None}
-    return {"values": values, **empty, "keys": [], "columns": [], **more}
+    return {"values": values, **empty, "keys": [], "columns": [], "used": None, **more}
 
 
 def _correction(term: Mapping[str, Any]) -> str:

@@ -306,8 +306,11 @@ def truth_error(person: Operator, result: Trace) -> float:
 
 
 def largest_error(person: Operator, result: Trace) -> float:
-    """The largest error of position [in] over random poses, each read once: what is claimed."""
-    rng = np.random.default_rng(98)
+    """The largest error of position [in] over random poses, each read once: what is claimed.
+
+    Every device has poses and noise of its own: a count over devices is one over noises as well.
+    """
+    rng = person.rng
     poses = wide_poses(rng, person.device, PLACES)
     standing = tuple(e for e in person.effects if e.term not in ("drift", "slip"))
     read = simulator.observe(person.device, held(rng, poses, 1, (0.0, 0.0)), rng, 1.0, standing)
@@ -319,7 +322,7 @@ def largest_error(person: Operator, result: Trace) -> float:
 
 def shown(person: Operator, session: Session) -> float:
     """By how much χ² of the poses that were fitted falls with the term of the effect."""
-    readings = rsicalib.load_readings(session.log.folder / "readings.csv")
+    readings = session.adviser.readings(session.log.taken())
     base = ["offset", "gain"]
 
     def chi2(terms: list[str]) -> float:

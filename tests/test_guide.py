@@ -27,7 +27,7 @@ from rsicalib import InputError
 from rsicalib.facts.warned import Warned
 from rsicalib.guide.advice import Adviser, Repeat
 from rsicalib.guide.hold import Hold, apart
-from rsicalib.guide.log import Columns, Log, Sample
+from rsicalib.guide.log import Columns, Log, Sample, Taken
 from rsicalib.guide.server import Page
 from rsicalib.guide.session import RESTLESS_S, SAME
 from rsicalib.guide.source import open_source
@@ -109,7 +109,7 @@ def test_two_kept_out_poses_check_an_effect_of_the_direction_of_approach() -> No
     }
     kept_out = {k: poses.pop(k) for k in (4, 8)}
     adviser = person.Adviser(rsicalib.load_mechanism("rsi"), None)
-    fitted, kept = adviser._closures(result, poses, kept_out)
+    fitted, kept = adviser._closures(result, Taken(poses, kept_out))
     assert fitted is not None and kept is not None
     # By plain products of matrices without the hysteresis, which is small: closures alike.
     off = np.array([result["offset", n].value for n in CHANNELS])
@@ -318,7 +318,7 @@ def few_poses(seed: int, poses: int, kind: str | None = None) -> tuple[Warned | 
         )
     mechanism = rsicalib.load_mechanism("rsi")
     adviser = Adviser(mechanism, rsicalib.Readings.from_arrays(mechanism, rest))
-    return adviser._mistake(fitted), wrong
+    return adviser._mistake(Taken(fitted)), wrong
 
 
 @pytest.mark.parametrize("poses", [2, 3, 6, 7, 9, 12])

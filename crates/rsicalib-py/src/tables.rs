@@ -23,11 +23,22 @@ pub struct PyTable<'py> {
     keys: Vec<Vec<String>>,
     #[pyo3(item)]
     columns: Vec<Vec<f64>>,
+    /// Which rows count; `None`: all.
+    #[pyo3(item)]
+    used: Option<Vec<usize>>,
 }
 
 impl PyTable<'_> {
-    /// The same values, owned by Rust.
+    /// The rows that count, owned by Rust: part of all.
     pub fn table(&self) -> Table {
+        let all = self.all();
+        match &self.used {
+            Some(rows) => all.some(self.values.as_array().ncols(), rows),
+            None => all,
+        }
+    }
+
+    fn all(&self) -> Table {
         let column =
             |c: &Option<PyReadonlyArray1<'_, f64>>| c.as_ref().map(|c| c.as_array().to_vec());
         Table {
@@ -38,6 +49,7 @@ impl PyTable<'_> {
             session: self.session.clone(),
             keys: self.keys.clone(),
             columns: self.columns.clone(),
+            part: None,
         }
     }
 }
@@ -45,6 +57,9 @@ impl PyTable<'_> {
 impl PyTable<'_> {
     /// Those of its rows, owned by Rust, by which the loops are looked at: of a recording not all.
     pub fn some_poses(&self) -> SomePoses {
+        if self.used.is_some() {
+            return SomePoses::of_table(&self.table(), self.values.as_array().ncols());
+        }
         let pose = self.pose.as_ref().map(|p| p.as_array().to_vec());
         let samples = self.values.as_array().nrows();
         SomePoses::of(pose.as_deref(), samples, |rows| {
@@ -66,6 +81,7 @@ impl PyTable<'_> {
             session: self.session.as_ref().map(|s| rows.iter().map(|&row| s[row]).collect()),
             keys: self.keys.iter().map(|k| rows.iter().map(|&r| k[r].clone()).collect()).collect(),
             columns: self.columns.iter().map(|c| rows.iter().map(|&r| c[r]).collect()).collect(),
+            part: None,
         }
     }
 }

@@ -324,6 +324,7 @@ class _Read:
             "session": None,
             "keys": [self._texts(name, rows) for name in self.mechanism.key_columns],
             "columns": [self.cells[name][rows].tolist() for name in self.mechanism.value_columns],
+            "used": None,
         }
         sha256 = _digest(label, table, rest)
         return Device(label, table, rest, runs, len(values), refused, sha256)

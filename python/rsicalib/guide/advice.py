@@ -16,8 +16,9 @@ from rsicalib.errors import RsicalibError
 from rsicalib.facts.records import plain
 from rsicalib.facts.shapes import Name, Step
 from rsicalib.facts.warned import WIRING, Warned
-from rsicalib.guide.log import Sample
+from rsicalib.guide.log import Sample, Taken
 from rsicalib.io.readings import Readings
+from rsicalib.io.samples import Part
 from rsicalib.planning.further import explanations, words
 from rsicalib.planning.purposes import gain_of, reason
 from rsicalib.results.result import Trace
@@ -126,8 +127,7 @@ class Adviser:
 
     def advise(
         self,
-        fitted: Mapping[int, Sequence[Sample]],
-        kept_out: Mapping[int, Sequence[Sample]],
+        taken: Taken,
         here: Sequence[float] | None,
         off: Sequence[Sequence[float]],
         target: float,
@@ -136,8 +136,8 @@ class Adviser:
 
         Parameters
         ----------
-        fitted, kept_out : mapping of int to samples
-            Poses by label: those to fit, and those that check the closure.
+        taken : Taken
+            Poses to fit, and those that check the closure.
         here : sequence of float or None
             Reading of where the handle is.
         off : sequence of sequence of float
@@ -151,16 +151,16 @@ class Adviser:
         Advice
             With what is wrong, as warnings.
         """
-        result = None if self.mistake else self._traced(fitted)
+        result = None if self.mistake else self._traced(taken)
         if not usable(result) and self.mistake is None:
-            self.mistake = self._mistake(fitted)
+            self.mistake = self._mistake(taken)
             result = None if self.mistake else result
         rivals = [] if result is None else explanations(result)
-        planned = self._planned(fitted, result, here, off, decide=False)
+        planned = self._planned(taken, result, here, off, decide=False)
         sure = planned.get("sd")
         if sure is not None and sure <= target and len(rivals) > 1:
-            planned = self._planned(fitted, result, here, off, decide=True)
-        check = self._closures(result, fitted, kept_out)
+            planned = self._planned(taken, result, here, off, decide=True)
+        check = self._closures(result, taken)
         many = len(rivals) > 1
         return Advice(
             **planned,
@@ -182,12 +182,12 @@ class Adviser:
             return None
         return None if found.uncertainty is None else found.uncertainty.expanded
 
-    def _mistake(self, fitted: Mapping[int, Sequence[Sample]]) -> Warned | None:
+    def _mistake(self, taken: Taken) -> Warned | None:
         """What is wrong with the wires, where no trace explains the poses."""
-        if self.rest is None or not fitted:
+        if self.rest is None or not taken.fitted:
             return None
         mechanism = _with_gains(self.mechanism)
-        table = as_table([self._readings(fitted)], mechanism)
+        table = as_table([self.readings(taken)], mechanism)
         try:
             wires = _core.Session(mechanism, table, rest=self.rest.values).fit().wires
             return None if wires is None else Warned.from_dict(wires)
@@ -200,16 +200,24 @@ class Adviser:
         sensors = 2 * len(self.mechanism.channels)
         return len(fitted) * self.mechanism.equations - sensors - 3 * len(touched)
 
-    def _traced(self, fitted: Mapping[int, Sequence[Sample]]) -> Trace | None:
-        if self._spare(fitted) < SPARE:
+    def _traced(self, taken: Taken) -> Trace | None:
+        if self._spare(taken.fitted) < SPARE:
             return None
         try:
-            return trace(self._readings(fitted), self.mechanism, rest=self.rest)
+            return trace(self.readings(taken), self.mechanism, rest=self.rest)
         except RsicalibError:
             return None
 
-    def _readings(self, poses: Mapping[int, Sequence[Sample]]) -> Readings:
-        rows = [(label, s) for label in sorted(poses, key=_time_of(poses)) for s in poses[label]]
+    def readings(self, taken: Taken, *, checked: bool = False) -> Readings:
+        """The poses to fit, of the session as it was taken; with those that are `checked`, too."""
+        rows = taken.rows()
+        labels = {*taken.fitted, *(taken.kept_out if checked else ())}
+        used = [k for k, (label, _) in enumerate(rows) if label in labels]
+        return replace(
+            self._of_rows([rows[k] for k in used]), part=Part(self._of_rows(rows), np.array(used))
+        )
+
+    def _of_rows(self, rows: Sequence[tuple[int, Sample]]) -> Readings:
         warm = [s.temperature_c for _, s in rows]
         return Readings.from_arrays(
             self.mechanism,
@@ -224,13 +232,10 @@ class Adviser:
         )
 
     def _session(
-        self,
-        fitted: Mapping[int, Sequence[Sample]],
-        result: Trace | None,
-        starts: int | None = None,
+        self, taken: Taken, result: Trace | None, starts: int | None = None
     ) -> _core.Session:
         """The poses for planning; before they are enough, the rest pose is one of them."""
-        poses = dict(fitted)
+        poses = dict(taken.fitted)
         if result is None and self.rest is not None:
             first = min((s[0].time_s for s in poses.values()), default=0.0)
             at_rest = [Sample(first - 1.0, _warmth(poses), tuple(row)) for row in self.rest.values]
@@ -238,22 +243,23 @@ class Adviser:
         if not poses:
             middle = tuple(_middle(self.prior))
             poses[0] = [Sample(0.0, None, middle)] * 2
-        table = as_table([self._readings(poses)], self.mechanism)
+        table = as_table([self.readings(replace(taken, fitted=poses))], self.mechanism)
         # What no pose can show would be as uncertain as its prior for ever.
         hidden = result is not None and bool(result.unobservable)
         return _core.Session(self.mechanism if hidden else self.prior, table, starts=starts)
 
     def _planned(
         self,
-        fitted: Mapping[int, Sequence[Sample]],
+        taken: Taken,
         result: Trace | None,
         here: Sequence[float] | None,
         off: Sequence[Sequence[float]],
         decide: bool,
     ) -> dict[str, Any]:
+        fitted = taken.fitted
         if not fitted and self.mechanism.key_columns:
             return {}  # what there is to touch is known from the first poses
-        session = self._session(fitted, result)
+        session = self._session(taken, result)
         rivals = [] if result is None else explanations(result)
         specs = [
             ([_core.spec(t.term, t.target, t.place) for t in terms], chi2, probability)
@@ -303,17 +309,15 @@ class Adviser:
     def _closures(
         self,
         result: Trace | None,
-        fitted: Mapping[int, Sequence[Sample]],
-        kept_out: Mapping[int, Sequence[Sample]],
+        taken: Taken,
     ) -> tuple[float | None, float | None]:
-        if result is None or result.reference is None or result.noise is None or not kept_out:
+        if result is None or result.reference is None or result.noise is None or not taken.kept_out:
             return None, None
-        # All poses at once: time and the direction of approach are those of the whole session.
-        readings = self._readings({**fitted, **kept_out})
+        readings = self.readings(taken, checked=True)
         errors = closure_errors(self.mechanism, result, readings)
         if errors is None:
             return None, None
-        out = np.isin(readings.pose, list(kept_out))
+        out = np.isin(readings.pose, list(taken.kept_out))
         return _rms(errors[~out]), _rms(errors[out])
 
 
@@ -396,10 +400,6 @@ def _middle(mechanism: Mechanism) -> list[float]:
         pairs = zip(mechanism.channels, angles, strict=True)
         return [float((angle - c.offset) / c.gain) for c, angle in pairs]
     return [sum(c.range) / 2 if c.range else 0.0 for c in mechanism.channels]
-
-
-def _time_of(poses: Mapping[int, Sequence[Sample]]) -> Any:
-    return lambda label: poses[label][0].time_s
 
 
 def _warmth(poses: Mapping[int, Sequence[Sample]]) -> float | None:

@@ -47,6 +47,7 @@ ALONE: dict[str, Any] = {
     "session": None,
     "keys": [],
     "columns": [],
+    "used": None,
 }
 """What a table of one reading has beside it."""
 

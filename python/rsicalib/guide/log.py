@@ -1,8 +1,9 @@
 """What was measured, on disk before anybody sees it.
 
 `samples.csv` holds every sample in the order of its arrival; `readings.csv` and `held_out.csv` the
-poses that were taken. Each write is forced to the disk. After a crash, a line that is half written
-is dropped, and a pose of which rows are missing is taken again from its samples.
+poses that were taken, `passed.csv` where else the hand was still. Each write is forced to the disk.
+After a crash, a line that is half written is dropped, and a pose of which rows are missing is taken
+again from its samples.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import csv
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TextIO
 
@@ -20,7 +21,7 @@ from rsicalib.io.files import write_text
 from rsicalib.io.messages import message_of, positions_of
 from rsicalib.io.sources import read_json, read_text
 
-__all__ = ["FITTED", "Columns", "Log", "Sample"]
+__all__ = ["FITTED", "Columns", "Log", "Sample", "Taken"]
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,23 @@ class Sample:
     values: tuple[float, ...]
     keys: tuple[str, ...] = ()
     """Text columns that unknown points and planes need, in their order."""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """Poses of a session by label: those to fit, those that check the closure, and others where the
+    hand has been, from which the next pose was approached as from any other.
+    """
+
+    fitted: dict[int, list[Sample]]
+    kept_out: dict[int, list[Sample]] = field(default_factory=dict)
+    passed: dict[int, list[Sample]] = field(default_factory=dict)
+
+    def rows(self) -> list[tuple[int, Sample]]:
+        """All poses, in the order in which they were taken."""
+        poses = {**self.fitted, **self.kept_out, **self.passed}
+        order = sorted(poses, key=lambda k: poses[k][0].time_s)
+        return [(label, sample) for label in order for sample in poses[label]]
 
 
 class Columns:
@@ -134,6 +152,10 @@ class Log:
         self.samples: list[Sample] = []
         self.poses: dict[int, list[Sample]] = {}
         self._files: dict[str, TextIO] = {}
+        self.passed: dict[int, list[Sample]] = {}
+        """Where the hand was still and no pose is: those that were measured again, and places where
+        nothing was to be measured. Their labels are below 0.
+        """
         self.exchanged: list[tuple[str, str]] = []
         """Channels whose wires are exchanged: what arrives as one is of the other."""
         if there:
@@ -178,6 +200,7 @@ class Log:
 
         self.samples = [again(s) for s in self.samples]
         self.poses = {k: [again(s) for s in rows] for k, rows in self.poses.items()}
+        self.passed = {k: [again(s) for s in rows] for k, rows in self.passed.items()}
         self._rewrite_all()
 
     @property
@@ -194,16 +217,39 @@ class Log:
     def pose(self, label: int, samples: Sequence[Sample]) -> None:
         """Write a pose that was taken to the disk, its rows in one go."""
         self.poses[label] = list(samples)
+        self._append_pose(label, samples)
+
+    def _append_pose(self, label: int, samples: Sequence[Sample]) -> None:
         rows = ([label, k, *self._cells(s)] for k, s in enumerate(samples, start=1))
         _append(self._file(self._name(label)), rows)
 
+    def taken(self) -> Taken:
+        """The session as it was taken."""
+        fitted = {k: list(v) for k, v in self.poses.items() if not self.held_out(k)}
+        kept_out = {k: list(v) for k, v in self.poses.items() if self.held_out(k)}
+        return Taken(fitted, kept_out, {k: list(v) for k, v in self.passed.items()})
+
+    def passes(self, samples: Sequence[Sample]) -> None:
+        """Write to the disk where the hand was still and no pose is."""
+        label = -len(self.passed) - 1
+        self.passed[label] = list(samples)
+        self._append_pose(label, samples)
+
     def withdraw(self, label: int) -> None:
         """Take a pose out of its file: it is measured again."""
-        self.poses.pop(label, None)
+        samples = self.poses.pop(label, None)
+        if samples is not None:
+            self.passes(samples)
         self._rewrite(self._name(label))
 
     def _name(self, label: int) -> str:
+        if label < 0:
+            return "passed"
         return "held_out" if self.held_out(label) else "readings"
+
+    @property
+    def _every(self) -> dict[int, list[Sample]]:
+        return {**self.poses, **self.passed}
 
     def _header(self, name: str) -> list[str]:
         of_pose = [] if name == "samples" else ["pose", "sample"]
@@ -232,12 +278,11 @@ class Log:
         if name == "samples":
             rows = [self._cells(s) for s in self.samples]
         else:
-            labels = [k for k in self.poses if self._name(k) == name]
-            labels.sort(key=lambda k: self.poses[k][0].time_s)
+            poses = {k: v for k, v in self._every.items() if self._name(k) == name}
             rows = [
                 [k, i, *self._cells(s)]
-                for k in labels
-                for i, s in enumerate(self.poses[k], start=1)
+                for k in sorted(poses, key=lambda k: poses[k][0].time_s)
+                for i, s in enumerate(poses[k], start=1)
             ]
         lines = [",".join(self._header(name)), *(",".join(map(str, row)) for row in rows)]
         write_text(self.folder / f"{name}.csv", "\n".join(lines) + "\n")
@@ -246,9 +291,10 @@ class Log:
         """Read back what is whole, and drop the rest."""
         self.exchanged = self._wires()
         self.samples = [self._sample(row) for row in self._rows("samples")]
-        for name in ("readings", "held_out"):
+        for name in ("readings", "held_out", "passed"):
             for row in self._rows(name):
-                self.poses.setdefault(int(row["pose"]), []).append(self._sample(row))
+                poses = self.passed if name == "passed" else self.poses
+                poses.setdefault(int(row["pose"]), []).append(self._sample(row))
         if len(self.poses) > 1:
             # Rows of a pose are written together: the last pose alone may lack some.
             last = max(self.poses, key=lambda k: self.poses[k][-1].time_s)
@@ -259,7 +305,7 @@ class Log:
 
     def _rewrite_all(self) -> None:
         """Write every file that is there anew."""
-        for name in ("samples", "readings", "held_out"):
+        for name in ("samples", "readings", "held_out", "passed"):
             if (self.folder / f"{name}.csv").exists():
                 self._rewrite(name)
 

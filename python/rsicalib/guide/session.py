@@ -116,6 +116,8 @@ class Session:
         self._near_since: float | None = None
         self.shaking: str | None = None
         """The channel that keeps a hand near its pose from being still."""
+        self._stood: list[Sample] = []
+        """Where the hand is still now and no pose is taken."""
         self._means = {k: _mean(samples) for k, samples in self.log.poses.items()}
         self._restore()
         self._ask()
@@ -170,6 +172,7 @@ class Session:
             self._means = {k: _mean(samples) for k, samples in self.log.poses.items()}
             self._recent.clear()
             self.hold.clear()
+            self._stood = []
             self.note = (
                 f"{pair[0]} and {pair[1]} are taken for one another: leave wires and names as"
             )
@@ -225,8 +228,10 @@ class Session:
             return
         now = self.hold.now
         if now is None or self.hold.progress < 1.0:
+            self._leave()
             self._say("hold still" if self.hold.progress > 0.3 else "")
             return
+        self._stood = self.hold.taken()
         ends = self._at_ends(now)
         if ends:
             self._say(f"{ends[0]} is at the end of its range: move away from there")
@@ -249,6 +254,15 @@ class Session:
         self._take(self.hold.taken())
         self._ask()
 
+    def _leave(self) -> None:
+        """Keep where the hand was still, once it has gone from there: the next pose is approached
+        from it.
+        """
+        now = self.hold.now
+        if self._stood and now is not None and apart(now, _mean(self._stood), self.spans) > SAME:
+            self.log.passes(self._stood)
+            self._stood = []
+
     def _say(self, message: str, *, elsewhere: bool = False) -> None:
         self.message, self.elsewhere = message, elsewhere
 
@@ -266,20 +280,18 @@ class Session:
         self.log.pose(label, samples)
         self._means[label] = _mean(samples)
         self.hold.clear()
+        self._stood = []
         kept = ": it checks the closure and is not fitted" if self.log.held_out(label) else ""
         self.note = f"pose {label} is taken{kept}"
         self._say("")
 
     def _ask(self) -> None:
         """Have advice worked out on what there is."""
-        poses = {k: list(v) for k, v in self.log.poses.items()}
-        fitted = {k: v for k, v in poses.items() if not self.log.held_out(k)}
-        kept_out = {k: v for k, v in poses.items() if self.log.held_out(k)}
         here = self._recent[-1] if self._recent else None
         # A pose that was taken is not asked for again: it would be refused as adding nothing.
         off = [*self.off, *(mean.tolist() for mean in self._means.values())]
         self._pending = self._worker.submit(
-            self.adviser.advise, fitted, kept_out, here, off, self.settings.target
+            self.adviser.advise, self.log.taken(), here, off, self.settings.target
         )
 
     def _advised(self, before: Advice | None) -> None:

@@ -32,7 +32,7 @@ from rsicalib.io.files import whole_file
 from rsicalib.io.frames import TableArg, table_in_memory
 from rsicalib.io.order import check_poses_are_together, time_goes_back
 from rsicalib.io.repeats import numbered
-from rsicalib.io.samples import Samples, Skipped, frozen, picked
+from rsicalib.io.samples import Part, Samples, Skipped, frozen, picked
 from rsicalib.io.suspicions import suspicions
 from rsicalib.io.tables import (
     Table,
@@ -152,7 +152,8 @@ class Readings(Samples, Tabular):
     def select(self, mask: npt.ArrayLike) -> Readings:
         """The rows where `mask` is true.
 
-        Labels, lines, warnings and `sha256` stay those of the whole.
+        Labels, lines, warnings and `sha256` stay those of the whole, and so does what a row has
+        from others: from where its pose was approached, the way travelled until then, its time.
 
         Parameters
         ----------
@@ -184,6 +185,7 @@ class Readings(Samples, Tabular):
             columns={name: rows(column) for name, column in self.columns.items()},
             lines=rows(self.lines),
             repeats=rows(self.repeats),
+            part=Part(self.taken, rows(self.own)),
         )
 
     def to_csv(self, path_or_file: str | os.PathLike[str] | TextIO) -> None:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from rsicalib.arrays import Alike, FloatArray, IntArray
 from rsicalib.facts.warned import Warned
 
-__all__ = ["Samples", "Skipped", "frozen", "picked"]
+__all__ = ["Part", "Samples", "Skipped", "frozen", "picked"]
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,18 @@ class Skipped:
     line: int
     column: str | None
     reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Part(Alike):
+    """Which rows of a session, as it was taken, some readings are.
+
+    From where a pose was approached, how far a channel had travelled and how much time had passed
+    is of the session: leaving rows out changes none of it.
+    """
+
+    whole: Samples
+    rows: IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +60,22 @@ class Samples(Alike):
     skipped: tuple[Skipped, ...] = ()
     line_word: str = "line"
     repeats: IntArray | None = None
+    part: Part | None = None
 
     @property
     def labels(self) -> IntArray | None:
         """Pose of each row where rows repeat held poses; None where each is a pose of its own."""
         return self.pose if self.held else self.repeats
+
+    @property
+    def taken(self) -> Samples:
+        """The session as it was taken: all its rows."""
+        return self if self.part is None else self.part.whole
+
+    @property
+    def own(self) -> IntArray:
+        """Which rows of it these are."""
+        return np.arange(len(self)) if self.part is None else self.part.rows
 
     def __len__(self) -> int:
         return len(self.values)

@@ -24,8 +24,12 @@ place has no orientation), and whether the table says what closures touch and me
 def as_table(
     readings: Sequence[Readings], mechanism: Mechanism, *, bare: bool = False
 ) -> dict[str, Any]:
-    """Sessions one after the other, as the core takes them; `bare`: the channels alone."""
-    labels = [r.labels for r in readings]
+    """Sessions one after the other, and which of their rows are used, as the core takes them.
+
+    With `bare` the channels alone.
+    """
+    taken = [r.taken for r in readings]
+    labels = [r.labels for r in taken]
     if len({own is None for own in labels}) > 1:
         held = next(r.source for r in readings if r.labels is not None)
         moving = next(r.source for r in readings if r.labels is None)
@@ -40,22 +44,26 @@ def as_table(
             return None
         return np.concatenate(columns) if several else columns[0]  # a recording may be large
 
-    sizes = [len(r) for r in readings]
+    sizes = [len(r) for r in taken]
     keys, columns = ([], []) if bare else (mechanism.key_columns, mechanism.value_columns)
+    firsts = np.cumsum([0, *sizes])
+    some = any(r.part is not None for r in readings)
+    used = [first + r.own for first, r in zip(firsts, readings, strict=False)]
     return {
-        "values": together([r.values for r in readings]),
+        "values": together([r.values for r in taken]),
         "pose": together(labels),
-        "time": together([r.time_s for r in readings]),
-        "temperature": together([r.temperature_c for r in readings]),
+        "time": together([r.time_s for r in taken]),
+        "temperature": together([r.temperature_c for r in taken]),
         "session": np.repeat(range(len(readings)), sizes).tolist() if several else None,
-        "keys": [[t for r in readings for t in r.keys[name]] for name in keys],
-        "columns": [together([r.columns[name] for r in readings]).tolist() for name in columns],
+        "keys": [[t for r in taken for t in r.keys[name]] for name in keys],
+        "columns": [together([r.columns[name] for r in taken]).tolist() for name in columns],
+        "used": np.concatenate(used).tolist() if some else None,
     }
 
 
 def _of_open_chains(readings: Readings, mechanism: Mechanism) -> dict[str, Any]:
     """Readings of which only the channels count: what closures touch and measure is nothing."""
-    n = len(readings)
+    n = len(readings.taken)
     keys = [["-"] * n for _ in mechanism.key_columns]  # a blank would say that nothing is touched
     columns = [[1.0] * n for _ in mechanism.value_columns]
     return as_table([readings], mechanism, bare=True) | {"keys": keys, "columns": columns}

@@ -69,7 +69,7 @@ impl Reachable {
     pub(crate) fn some(&self, chosen: &[usize]) -> Self {
         let table = Table {
             pose: Some((1..=chosen.len() as i64).collect()),
-            ..crate::readings::rows_of(&self.table, self.channels, chosen)
+            ..self.table.alone(self.channels, chosen)
         };
         let poses = match self.poses.is_empty() {
             true => Vec::new(),

@@ -5,7 +5,6 @@ use std::collections::HashSet;
 use crate::estimate::observations::Observations;
 use crate::model::{Instance, Model};
 use crate::numerics::random::Random;
-use crate::readings::rows_of;
 
 /// Equations for each parameter by which mistakes are compared: a bound on time, since what is likeliest is then
 /// held against all poses.
@@ -39,7 +38,7 @@ pub(crate) fn enough(
         return None;
     }
     rows.sort_unstable();
-    let table = rows_of(&readings.table, readings.channels, &rows);
+    let table = readings.table.some(readings.channels, &rows);
     let (mechanism, rest) = (&observations.mechanism, observations.rest.clone());
     let few = Observations::new(mechanism, table, rest, observations.options.clone()).ok()?;
     let terms = model.instances.iter().filter(|i| i.term.of_pose()).cloned().collect();

@@ -23,7 +23,7 @@ use crate::mechanism::{Closure, Mechanism, Target, Value};
 use crate::model::{Model, Prior};
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
-use crate::readings::{Readings, rows_of};
+use crate::readings::Readings;
 use crate::terms::term::{Acts, Role};
 
 /// Fraction of its nominal gain below which a channel has collapsed, and of its drawing a length.
@@ -222,10 +222,7 @@ impl<'a> StartSearch<'a> {
             true => spread(&all.rows_of_poses(), SAMPLES),
             false => (0..all.samples).step_by(all.samples.div_ceil(SAMPLES)).collect(),
         };
-        let few = || {
-            Readings::beside(&observations.mechanism, rows_of(&all.table, all.channels, &rows), all)
-                .ok()
-        };
+        let few = || all.some(&observations.mechanism, &rows).ok();
         let (readings, weights) = match (rows.len() < all.samples).then(few).flatten() {
             Some(few) => (few.into(), rows.iter().map(|&r| observations.weights[r]).collect()),
             None => (all.clone(), observations.weights.clone()),

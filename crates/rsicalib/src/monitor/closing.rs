@@ -24,7 +24,7 @@ use crate::model::{Instance, Want};
 use crate::monitor::thresholds::{as_chi2, log_tail};
 use crate::monitor::watched::internal_covariance;
 use crate::numerics::distributions::f_tail;
-use crate::readings::{Table, rows_of};
+use crate::readings::Table;
 use crate::terms::term::Needs;
 
 /// Directions of which the readings tell less than this share are not compared.
@@ -135,7 +135,7 @@ impl SomePoses {
     #[must_use]
     pub fn of_table(table: &Table, channels: usize) -> Self {
         let samples = table.values.len() / channels.max(1);
-        let take = |rows: &[usize]| rows_of(table, channels, rows);
+        let take = |rows: &[usize]| table.some(channels, rows);
         Self::of(table.pose.as_deref(), samples, |rows| rows.map_or_else(|| table.clone(), take))
     }
 }

@@ -17,5 +17,5 @@ pub(crate) use along::{along, ascending};
 pub use block::Block;
 pub use holding::Holding;
 pub use samples::Readings;
-pub use table::Table;
-pub(crate) use table::{average, rows_of, runs_of, runs_of_poses};
+pub use table::{Part, Table};
+pub(crate) use table::{average, runs_of, runs_of_poses};

@@ -15,7 +15,7 @@ use crate::readings::block::Block;
 use crate::readings::context::{STRETCH, direction, is_motion, sides, standstills, velocities};
 use crate::readings::course::{CourseAt, Courses};
 use crate::readings::holding::Holding;
-use crate::readings::table::{Table, mean_of, rows_of};
+use crate::readings::table::{Part, Table, mean_of};
 use crate::readings::way::{Memories, Memory, Visits};
 
 /// Temperatures this near to the one they count from show nothing of it [K].
@@ -74,7 +74,8 @@ pub struct Readings {
     motion: OnceLock<Motion>,
     memories: Memories,
     courses: OnceLock<Courses>,
-    /// The recording of whose stretches these are means, and the middle row of each.
+    /// The session as it was taken, where these are some of its rows or means of them: which row each is,
+    /// or stands for. All that a row has from others is from there.
     whole: Option<(Arc<Self>, Vec<usize>)>,
 }
 
@@ -97,7 +98,7 @@ impl Readings {
     /// [`Error::Empty`] for a table without rows, [`Error::Mechanism`] for a mechanism without
     /// channels.
     pub fn new(mechanism: &Mechanism, table: Table) -> Result<Self, Error> {
-        Self::build(mechanism, table, None, true)
+        Self::build(mechanism, table, None, None, true)
     }
 
     /// Checks a table that is used beside the readings of a fit. Time, temperature and the order
@@ -107,7 +108,21 @@ impl Readings {
     ///
     /// As [`Readings::new`].
     pub fn beside(mechanism: &Mechanism, table: Table, main: &Self) -> Result<Self, Error> {
-        Self::build(mechanism, table, Some(main), false)
+        Self::build(mechanism, table, None, Some(main), false)
+    }
+
+    /// Some of these rows, beside these readings.
+    ///
+    /// # Errors
+    ///
+    /// As [`Readings::new`].
+    pub(crate) fn some(
+        self: &Arc<Self>,
+        mechanism: &Mechanism,
+        rows: &[usize],
+    ) -> Result<Self, Error> {
+        let table = self.table.alone(self.channels, rows);
+        Self::build(mechanism, table, Some(self.as_taken(rows)), Some(self), false)
     }
 
     /// One sample for each held pose, the mean of its samples with a weight above zero, and the
@@ -155,8 +170,9 @@ impl Readings {
                 .map(|k| used.iter().map(|u| k[u[0]].clone()).collect())
                 .collect(),
             columns: self.table.columns.iter().map(measured).collect(),
+            part: self.table.part_of(used.iter().map(|u| u[0])),
         };
-        Ok((Self::build(mechanism, table, Some(self), true)?, live))
+        Ok((Self::build(mechanism, table, None, Some(self), true)?, live))
     }
 
     /// These poses and all that is known of them, with other readings, row by row.
@@ -170,7 +186,7 @@ impl Readings {
         values: Vec<f64>,
     ) -> Result<Self, Error> {
         let table = Table { values, ..std::mem::take(&mut self.table) };
-        Self::build(mechanism, table, Some(&self), true)
+        Self::build(mechanism, table, None, Some(&self), true)
     }
 
     /// One sample for each stretch of this recording: all that is known of its middle row, with these
@@ -193,11 +209,9 @@ impl Readings {
         };
         let group: Vec<usize> = places.iter().map(|&(block, _)| self.blocks[block].group).collect();
         let (time, temperature) = (of_block(&|b| b.time), of_block(&|b| b.temperature));
-        let own = |row: &usize| &self.sides()[row * self.channels..(row + 1) * self.channels];
-        let sides: Vec<i8> = middles.iter().flat_map(own).copied().collect();
-        let velocity = velocities(&self.table, self.channels, middles.iter().copied());
-        let table = Table { values, ..rows_of(&self.table, self.channels, &middles) };
+        let table = Table { values, ..self.table.alone(self.channels, &middles) };
         let session_of_pose = middles.iter().map(|&row| self.table.session_of(row)).collect();
+        let whole = self.as_taken(&middles);
         let mut merged = Self {
             samples: middles.len(),
             channels: self.channels,
@@ -222,27 +236,31 @@ impl Readings {
             raw: Vec::new(),
             columns: Vec::new(),
             still: self.still.clone(),
-            sides: sides.into(),
+            sides: OnceLock::new(),
             motion: OnceLock::new(),
             memories: Memories::default(),
             courses: OnceLock::new(),
-            whole: Some((self.clone(), middles)),
+            whole: Some(whole),
         };
         let order: Vec<f64> = (0..merged.samples).map(|pose| pose as f64).collect();
         merged.lay_out(&group, &time, &temperature, &order);
-        merged.motion = merged.laid_out(&velocity).into();
         merged
     }
 
     fn build(
         mechanism: &Mechanism,
         table: Table,
+        whole: Option<(Arc<Self>, Vec<usize>)>,
         main: Option<&Self>,
         own_poses: bool,
     ) -> Result<Self, Error> {
         let channels = mechanism.channels.len();
         let samples = check(mechanism, &table)?;
         let holding = Holding::of(mechanism, &table, samples)?;
+        let whole = match (&table.part, whole) {
+            (Some(part), None) => Some(Self::taken(mechanism, part, samples)?),
+            (_, whole) => whole,
+        };
         let (pose, labels) = number_poses(&table, samples);
         let held = table.pose.is_some();
         let mut session_of_pose = vec![0; labels.len()];
@@ -252,11 +270,19 @@ impl Readings {
         let (group, groups) = number_groups(&table, samples);
         let runs = 1 + group.windows(2).filter(|pair| pair[0] != pair[1]).count();
         let ordered = table.time.is_some() || groups.len() < 2 || runs > groups.len();
+        let (all, own): (&Table, &[usize]) = match &whole {
+            Some((whole, _)) => (&whole.table, &whole.pose),
+            None => (&table, &pose),
+        };
         let clock = match main {
             Some(main) => main.clock.clone(),
-            None => session_clock(&table, &pose, samples),
+            None => session_clock(all, own),
         };
-        let time = session_time(&table, &pose, &clock, samples);
+        let time = session_time(all, own, &clock);
+        let time = match &whole {
+            Some((_, rows)) => picked(&time, 1, rows),
+            None => time,
+        };
         let mean_temperature = match main {
             Some(main) => main.mean_temperature,
             None => table.temperature.as_ref().map(|t| t.iter().sum::<f64>() / samples as f64),
@@ -301,7 +327,7 @@ impl Readings {
             motion: OnceLock::new(),
             memories: Memories::default(),
             courses: OnceLock::new(),
-            whole: None,
+            whole,
         };
         let order: Vec<f64> = match main {
             Some(main) if !own_poses => {
@@ -311,6 +337,29 @@ impl Readings {
         };
         readings.lay_out(&group, &time, &temperature, &order);
         Ok(readings)
+    }
+
+    /// The session that rows are part of, not laid out: what rows have from others is asked of it.
+    fn taken(
+        mechanism: &Mechanism,
+        Part { whole, rows }: &Part,
+        samples: usize,
+    ) -> Result<(Arc<Self>, Vec<usize>), Error> {
+        let table =
+            Table { keys: Vec::new(), columns: Vec::new(), part: None, ..(**whole).clone() };
+        let bare = Mechanism {
+            channels: mechanism.channels.clone(),
+            chains: mechanism.chains.clone(),
+            ..Mechanism::default()
+        };
+        let taken = Self::build(&bare, table, None, None, true)?;
+        match rows.iter().find(|row| **row >= taken.samples) {
+            Some(row) => Err(shape("rows of the whole session", *row, taken.samples)),
+            None if rows.len() != samples => {
+                Err(shape("rows of a part of a session", rows.len(), samples))
+            }
+            None => Ok((taken.into(), rows.clone())),
+        }
     }
 
     /// The same readings less known errors of one channel, sample by sample. What a sample needs from
@@ -459,7 +508,27 @@ impl Readings {
     /// Direction of approach of each row, one per channel: -1, 0 or 1. Found when first asked for.
     #[must_use]
     pub(crate) fn sides(&self) -> &[i8] {
-        self.sides.get_or_init(|| sides(&self.table, &self.pose, &self.still, !self.moves()))
+        self.sides.get_or_init(|| match &self.whole {
+            Some((whole, rows)) => picked(whole.sides(), self.channels, rows),
+            None => sides(&self.table, &self.pose, &self.still, !self.moves()),
+        })
+    }
+
+    /// Velocities of the rows, one per channel: none of held poses.
+    fn velocities(&self) -> Vec<f64> {
+        match &self.whole {
+            _ if self.held => vec![0.0; self.samples * self.channels],
+            Some((whole, rows)) => velocities(&whole.table, self.channels, rows.iter().copied()),
+            None => velocities(&self.table, self.channels, 0..self.samples),
+        }
+    }
+
+    /// Some of these rows, as rows of the session as it was taken.
+    fn as_taken(self: &Arc<Self>, rows: &[usize]) -> (Arc<Self>, Vec<usize>) {
+        match &self.whole {
+            Some((whole, own)) => (whole.clone(), picked(own, 1, rows)),
+            None => (self.clone(), rows.to_vec()),
+        }
     }
 
     /// True for rows that are a motion. Poses that are read once each need no labels: without
@@ -473,10 +542,7 @@ impl Readings {
     /// Directions and velocities in blocks. Few models need them, and of a long recording they are as
     /// large as the readings: they are found when first asked for.
     fn motion(&self) -> &Motion {
-        self.motion.get_or_init(|| match self.held {
-            true => self.laid_out(&vec![0.0; self.samples * self.channels]),
-            false => self.laid_out(&velocities(&self.table, self.channels, 0..self.samples)),
-        })
+        self.motion.get_or_init(|| self.laid_out(&self.velocities()))
     }
 
     /// Where the samples of a block are in the recording that they are of; none where no clock tells.
@@ -493,6 +559,9 @@ impl Readings {
 
     /// True where the recording goes on to an instant so much later than a row; true without a clock.
     pub(crate) fn goes_on(&self, row: usize, later: f64) -> bool {
+        if let Some((whole, rows)) = &self.whole {
+            return whole.goes_on(rows[row], later);
+        }
         let new = || Courses::of(&self.table, self.channels);
         !self.timed || self.held || self.courses.get_or_init(new).has(&self.table, row, later)
     }
@@ -633,6 +702,11 @@ impl Readings {
     }
 }
 
+/// Parts `rows` of `all` in parts of `width` entries.
+fn picked<T: Copy>(all: &[T], width: usize, rows: &[usize]) -> Vec<T> {
+    rows.iter().flat_map(|&row| all[row * width..(row + 1) * width].iter().copied()).collect()
+}
+
 /// Part `k` of `all` in parts of `width` entries; empty where there is no such part.
 #[inline(always)]
 fn part<T>(all: &[T], k: usize, width: usize) -> &[T] {
@@ -771,9 +845,9 @@ fn clock_of(table: &Table, pose: &[usize], row: usize) -> f64 {
 }
 
 /// First and last time of each session.
-fn session_clock(table: &Table, pose: &[usize], samples: usize) -> Vec<[f64; 2]> {
+fn session_clock(table: &Table, pose: &[usize]) -> Vec<[f64; 2]> {
     let mut ends: Vec<[f64; 2]> = Vec::new();
-    for row in 0..samples {
+    for row in 0..pose.len() {
         let session = table.session_of(row);
         if ends.len() <= session {
             ends.resize(session + 1, [f64::MAX, f64::MIN]);
@@ -786,12 +860,55 @@ fn session_clock(table: &Table, pose: &[usize], samples: usize) -> Vec<[f64; 2]>
 
 /// Time from 0 to 1 over each session. Readings from before or after the session have time 0 or
 /// 1, because a drift outside the session is unknown.
-fn session_time(table: &Table, pose: &[usize], clock: &[[f64; 2]], samples: usize) -> Vec<f64> {
-    (0..samples)
+fn session_time(table: &Table, pose: &[usize], clock: &[[f64; 2]]) -> Vec<f64> {
+    (0..pose.len())
         .map(|row| {
             let [first, last] = clock[table.session_of(row).min(clock.len() - 1)];
             let at = clock_of(table, pose, row);
             if last > first { ((at - first) / (last - first)).clamp(0.0, 1.0) } else { 0.5 }
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ten poses of a recording without a clock, read once each; the first channel goes up but for pose 5.
+    fn session() -> Table {
+        let way = [0.0, 100.0, 200.0, 300.0, 900.0, 400.0, 500.0, 600.0, 700.0, 800.0];
+        let values = way.iter().flat_map(|v| (0..9).map(move |c| if c == 0 { *v } else { 2000.0 }));
+        Table { values: values.collect(), pose: Some((1..=10).collect()), ..Table::default() }
+    }
+
+    #[test]
+    fn what_rows_have_from_others_does_not_depend_on_which_are_used() {
+        let mechanism = Mechanism::rsi();
+        let rows = [1, 3, 5, 8];
+        let part = Readings::new(&mechanism, session().some(9, &rows)).expect("counts");
+        // By hand: pose 6 comes down from pose 5, which is left out.
+        let first = |all: &[i8]| all.iter().step_by(9).copied().collect::<Vec<_>>();
+        assert_eq!(first(part.sides()), [1, 1, -1, 1]);
+        let block = &part.blocks()[0];
+        assert_eq!(block.time.0[..4], [1.0, 3.0, 5.0, 8.0].map(|row: f64| row / 9.0));
+        let way = part.ways(0)[0];
+        assert_eq!(way.travelled.0[..4], [100.0, 300.0, 1400.0, 1700.0]);
+        assert_eq!(way.since_turn.0[..4], [100.0, 300.0, -500.0, 300.0]);
+        // Rows of these rows are rows of the same session, with a mean for each pose or without.
+        let fewer = Arc::new(part).some(&mechanism, &[1, 2]).expect("counts");
+        assert_eq!(first(fewer.sides()), [1, -1]);
+        let table = session().some(9, &rows).some(9, &[1, 2]);
+        assert_eq!(first(Readings::new(&mechanism, table).expect("counts").sides()), [1, -1]);
+        let (means, _) = fewer.averaged(&mechanism, &[1.0, 1.0]).expect("counts");
+        assert_eq!(first(means.sides()), [1, -1]);
+    }
+
+    #[test]
+    fn rows_that_the_session_does_not_have_are_refused() {
+        let part = |rows: Vec<usize>| Part { whole: Arc::new(session()), rows };
+        for rows in [vec![10], vec![0, 1]] {
+            let one = Table { part: Some(part(rows)), ..session().alone(9, &[3]) };
+            assert!(matches!(Readings::new(&Mechanism::rsi(), one), Err(Error::Shape { .. })));
+        }
+    }
 }

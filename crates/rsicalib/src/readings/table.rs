@@ -1,6 +1,19 @@
 //! Raw readings: a table, row by row.
 
 use std::ops::Range;
+use std::sync::Arc;
+
+/// Rows of a session as it was taken, of which a table has some.
+///
+/// From where a pose was approached, how far a channel had travelled, and when it was read is of the
+/// session: which of its rows are used changes none of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// All rows, in the order in which they were taken.
+    pub whole: Arc<Table>,
+    /// Which of them each row of the table is, or is the mean from.
+    pub rows: Vec<usize>,
+}
 
 /// Raw readings, row by row. Every column has one entry per row.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -22,9 +35,52 @@ pub struct Table {
     /// For each value column of the mechanism, the number of each row; NaN where the closures that need
     /// it do not hold.
     pub columns: Vec<Vec<f64>>,
+    /// The session that these are rows of; `None` where they are all of it.
+    pub part: Option<Part>,
 }
 
 impl Table {
+    /// Some rows of a table with so many channels: a part of its session.
+    #[must_use]
+    pub fn some(&self, channels: usize, rows: &[usize]) -> Self {
+        Self { part: self.part_of(rows.iter().copied()), ..self.alone(channels, rows) }
+    }
+
+    /// The same rows by themselves, as if no others had been taken.
+    #[must_use]
+    pub(crate) fn alone(&self, channels: usize, rows: &[usize]) -> Self {
+        let pick = |column: &Vec<f64>| rows.iter().map(|&r| column[r]).collect::<Vec<_>>();
+        let of_row = |r: &usize| self.values[r * channels..(r + 1) * channels].iter().copied();
+        Self {
+            values: rows.iter().flat_map(of_row).collect(),
+            pose: self.pose.as_ref().map(|p| rows.iter().map(|&r| p[r]).collect()),
+            time: self.time.as_ref().map(pick),
+            temperature: self.temperature.as_ref().map(pick),
+            session: self.session.as_ref().map(|s| rows.iter().map(|&r| s[r]).collect()),
+            keys: self.keys.iter().map(|k| rows.iter().map(|&r| k[r].clone()).collect()).collect(),
+            columns: self.columns.iter().map(pick).collect(),
+            part: None,
+        }
+    }
+
+    /// What some rows are a part of.
+    pub(crate) fn part_of(&self, rows: impl Iterator<Item = usize>) -> Option<Part> {
+        Some(match &self.part {
+            Some(Part { whole, rows: own }) => {
+                Part { whole: whole.clone(), rows: rows.map(|row| own[row]).collect() }
+            }
+            None => Part { whole: Arc::new(self.clone()), rows: rows.collect() },
+        })
+    }
+
+    /// Changes the readings of each row, of the session as well.
+    pub(crate) fn change(&mut self, channels: usize, change: impl Fn(&mut [f64])) {
+        self.values.chunks_exact_mut(channels).for_each(&change);
+        if let Some(Part { whole, .. }) = &mut self.part {
+            Arc::make_mut(whole).values.chunks_exact_mut(channels).for_each(&change);
+        }
+    }
+
     /// Session of a row, from 0.
     #[must_use]
     pub(crate) fn session_of(&self, row: usize) -> usize {
@@ -89,23 +145,6 @@ pub(crate) fn average(table: &Table, channels: usize, poses: &[Range<usize>]) ->
             .iter()
             .map(|v| poses.iter().map(|p| mean_of(p.clone().map(|r| v[r]))).collect())
             .collect(),
-    }
-}
-
-/// Some rows of a table.
-#[must_use]
-pub(crate) fn rows_of(table: &Table, channels: usize, rows: &[usize]) -> Table {
-    let pick = |column: &Vec<f64>| rows.iter().map(|&r| column[r]).collect::<Vec<_>>();
-    Table {
-        values: rows
-            .iter()
-            .flat_map(|r| table.values[r * channels..(r + 1) * channels].iter().copied())
-            .collect(),
-        pose: table.pose.as_ref().map(|p| rows.iter().map(|&r| p[r]).collect()),
-        time: table.time.as_ref().map(pick),
-        temperature: table.temperature.as_ref().map(pick),
-        session: table.session.as_ref().map(|s| rows.iter().map(|&r| s[r]).collect()),
-        keys: table.keys.iter().map(|key| rows.iter().map(|&r| key[r].clone()).collect()).collect(),
-        columns: table.columns.iter().map(pick).collect(),
+        part: table.part_of(poses.iter().map(|p| p.start)),
     }
 }

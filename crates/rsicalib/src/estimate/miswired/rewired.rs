@@ -26,7 +26,7 @@ impl Rewired {
     ) -> Result<Self, Error> {
         let mut observations = observations.clone();
         let mut table = readings.table.clone();
-        table.values.chunks_exact_mut(readings.channels).for_each(&undo);
+        table.change(readings.channels, &undo);
         let readings = Readings::beside(&observations.mechanism, table, &observations.readings)?;
         if let Some(rest) = &mut observations.rest {
             undo(rest);

@@ -1,0 +1,74 @@
+"""Poses that are left out: what the others have from them stays as the session was taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import rsicalib
+from rsicalib.guide.advice import Adviser
+from rsicalib.guide.log import Log, Sample
+from tests import oracle
+from tests.blind import effects as catalogue
+from tests.blind import simulator
+from tests.blind.simulator import Device
+
+KINDS = {kind.term: kind for kind in catalogue.CATALOGUE}
+
+
+def test_directions_of_the_other_poses_stay_where_poses_are_left_out() -> None:
+    # The witness is the hand of the simulator, which went through all poses.
+    rng = np.random.default_rng(38)
+    device = Device.random(rng)
+    effect = KINDS["hysteresis"].draw(rng, "a22")
+    effect = type(effect)(**{**vars(effect), "size": 4.0})
+    poses = simulator.hand_poses(rng, 48, device)
+    made = simulator.session(device, rng, poses, 8, effects=(effect,))
+    mechanism = rsicalib.load_mechanism("rsi")
+    whole = rsicalib.Readings.from_arrays(mechanism, made["values"], pose=made["pose"])
+    kept = whole.select(whole.pose % 4 != 1)
+    found = rsicalib.calibrate(kept, mechanism, terms=["offset", "gain", "hysteresis@a22"])
+    size = found["hysteresis", "a22"]
+    wanted = 4.0 * abs(oracle.GAIN)
+    assert size.sd is not None and abs(size.value - wanted) < 4.0 * size.sd < 0.5 * wanted
+    # As if the others had never been taken, a quarter of the directions is that of another way.
+    alone = rsicalib.Readings.from_arrays(mechanism, kept.values, pose=kept.pose)
+    assert np.array_equal(alone.values, kept.values) and len(kept.taken) == len(whole)
+    wrong = rsicalib.calibrate(alone, mechanism, terms=["offset", "gain", "hysteresis@a22"])
+    assert found.fit.chi2 is not None and wrong.fit.chi2 is not None
+    assert found.fit.chi2 < wrong.fit.chi2 - 50.0
+
+
+def test_rows_of_rows_are_rows_of_the_session() -> None:
+    whole = rsicalib.load_readings(rsicalib.DEMO / "readings.csv", rsicalib.load_mechanism("rsi"))
+    some = whole.select(whole.pose > 3)
+    fewer = some.select(some.pose % 2 == 0)
+    assert fewer.taken is whole
+    np.testing.assert_array_equal(whole.values[fewer.own], fewer.values)
+
+
+def test_a_guided_session_has_every_place_where_the_hand_was(tmp_path: Path) -> None:
+    def still(moment: float, reading: float) -> list[Sample]:
+        return [Sample(moment + 0.1 * k, None, (reading,) * 9) for k in range(4)]
+
+    names = oracle.channel_names(oracle.rsi())
+    log = Log(tmp_path / "session", names, resume=False, fitted=2)
+    log.take(still(0.0, 1000.0))
+    log.pose(1, still(0.0, 1000.0))
+    log.pose(2, still(10.0, 2000.0))
+    log.pose(3, still(20.0, 1500.0))
+    log.passes(still(30.0, 900.0))
+    log.pose(4, still(40.0, 1200.0))
+    log.withdraw(2)
+    log.close()
+    resumed = Log(tmp_path / "session", names, resume=True, fitted=2)
+    for one in (log, resumed):
+        taken = one.taken()
+        assert sorted(taken.fitted) == [1, 4] and sorted(taken.kept_out) == [3]
+        went = [sample.values[0] for _, sample in taken.rows()][::4]
+        assert went == [1000.0, 2000.0, 1500.0, 900.0, 1200.0]
+    resumed.close()
+    readings = Adviser(rsicalib.load_mechanism("rsi"), None).readings(log.taken())
+    assert sorted(set(readings.pose.tolist())) == [1, 4]
+    assert len(readings.taken) == 20
