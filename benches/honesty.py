@@ -94,6 +94,7 @@ def table(session: Session) -> dict[str, Any]:
         "temperature": None,
         "session": None,
         "keys": [],
+        "used": None,
         "columns": [],
     }
 
