@@ -117,6 +117,15 @@ def test_the_handle_is_drawn_to_a_scale_and_its_names_lie_apart(tmp_path: Path) 
     assert found["figures"] == ["target", f"{0.215:.2g}", "0.0086"]
 
 
+def test_a_hand_that_is_still_where_nothing_is_taken_is_told_what_to_do(tmp_path: Path) -> None:
+    page = (files("rsicalib.guide") / "page.html").read_text(encoding="utf-8")
+    for phase, wanted in (("move", "hold it longer"), ("hold", "what it is for")):
+        state = STATE | {"phase": phase, "message": "hold it longer", "why": "what it is for"}
+        said = page.replace("/* the state at first */", json.dumps(state))
+        said, wrong = look(said, 'return document.getElementById("why").textContent;', tmp_path)
+        assert (said, wrong) == (wanted, [])
+
+
 @pytest.mark.parametrize("word", ["stop", "go"])
 def test_where_the_order_is_to_stop_no_way_to_a_pose_is_shown(word: str, tmp_path: Path) -> None:
     found = seen(tmp_path, order={"word": word, "text": "now", "trouble": None})

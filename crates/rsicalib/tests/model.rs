@@ -218,6 +218,7 @@ fn rows(device: &Device, rows: &[usize]) -> Readings {
         session: None,
         keys: table.keys.iter().map(|k| rows.iter().map(|&r| k[r].clone()).collect()).collect(),
         columns: table.columns.iter().map(pick).collect(),
+        part: None,
     };
     Readings::new(&device.mechanism, some).expect("rows of a table that was accepted")
 }

@@ -427,7 +427,8 @@ class Session:
         out += [Trouble.lost(name) for name in lost]
         advice = self.advice
         if advice is not None:
-            repeat = self._repeat()
+            # Where the order is to stop, nothing else is to be done.
+            repeat = None if self._broken() else self._repeat()
             out += [
                 Trouble("repeat", f"{r.why}; hold it once more", pose=str(r.label))
                 for r in advice.repeat

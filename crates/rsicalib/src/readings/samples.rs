@@ -172,7 +172,11 @@ impl Readings {
             columns: self.table.columns.iter().map(measured).collect(),
             part: self.table.part_of(used.iter().map(|u| u[0])),
         };
-        Ok((Self::build(mechanism, table, None, Some(self), true)?, live))
+        let of_whole = |(whole, own): &(Arc<Self>, Vec<usize>)| {
+            (whole.clone(), used.iter().map(|u| own[u[0]]).collect())
+        };
+        let whole = self.whole.as_ref().map(of_whole);
+        Ok((Self::build(mechanism, table, whole, Some(self), true)?, live))
     }
 
     /// These poses and all that is known of them, with other readings, row by row.
@@ -186,7 +190,8 @@ impl Readings {
         values: Vec<f64>,
     ) -> Result<Self, Error> {
         let table = Table { values, ..std::mem::take(&mut self.table) };
-        Self::build(mechanism, table, None, Some(&self), true)
+        let whole = self.whole.take();
+        Self::build(mechanism, table, whole, Some(&self), true)
     }
 
     /// One sample for each stretch of this recording: all that is known of its middle row, with these
