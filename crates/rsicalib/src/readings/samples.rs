@@ -8,7 +8,7 @@
 use std::sync::{Arc, OnceLock};
 
 use crate::Error;
-use crate::mechanism::Mechanism;
+use crate::mechanism::{Channel, Mechanism};
 use crate::numerics::bounds::{self, LARGEST};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::readings::block::Block;
@@ -352,8 +352,9 @@ impl Readings {
     ) -> Result<(Arc<Self>, Vec<usize>), Error> {
         let table =
             Table { keys: Vec::new(), columns: Vec::new(), part: None, ..(**whole).clone() };
+        let plain = |channel: &Channel| Channel { torque: None, ..channel.clone() };
         let bare = Mechanism {
-            channels: mechanism.channels.clone(),
+            channels: mechanism.channels.iter().map(plain).collect(),
             chains: mechanism.chains.clone(),
             ..Mechanism::default()
         };
