@@ -897,9 +897,9 @@ mod tests {
         assert_eq!(first(part.sides()), [1, 1, -1, 1]);
         let block = &part.blocks()[0];
         assert_eq!(block.time.0[..4], [1.0, 3.0, 5.0, 8.0].map(|row: f64| row / 9.0));
-        let way = part.ways(0)[0];
-        assert_eq!(way.travelled.0[..4], [100.0, 300.0, 1400.0, 1700.0]);
-        assert_eq!(way.since_turn.0[..4], [100.0, 300.0, -500.0, 300.0]);
+        let way = |memory| part.remembered(0, 0, memory).0;
+        assert_eq!(way(Memory::Travelled)[..4], [100.0, 300.0, 1400.0, 1700.0]);
+        assert_eq!(way(Memory::SinceTurn)[..4], [100.0, 300.0, -500.0, 300.0]);
         // Rows of these rows are rows of the same session, with a mean for each pose or without.
         let fewer = Arc::new(part).some(&mechanism, &[1, 2]).expect("counts");
         assert_eq!(first(fewer.sides()), [1, -1]);
