@@ -88,8 +88,9 @@ def test_poses_of_their_own_are_no_repeats(seed: int) -> None:
         assert not [w for w in readings.warnings if w.kind == "unlabelled_repeats"]
 
 
-def test_a_device_that_stands_still_is_read() -> None:
+@pytest.mark.parametrize("reading", [2000.0, 2000.5])
+def test_a_device_that_stands_still_is_read(reading: float) -> None:
     """Rows of which no channel moves were no readings: a greatest of nothing was asked for."""
     mechanism = rsicalib.load_mechanism("rsi")
-    readings = rsicalib.Readings.from_arrays(mechanism, np.full((20, 9), 2000.0))
+    readings = rsicalib.Readings.from_arrays(mechanism, np.full((20, 9), reading))
     assert len(readings) == 20 and readings.repeats is None

@@ -117,6 +117,7 @@ class Session:
         self.shaking: str | None = None
         """The channel that keeps a hand near its pose from being still."""
         self._stood: list[Sample] = []
+        self._last: FloatArray | None = None  # the pose that was taken last
         """Where the hand is still now and no pose is taken."""
         self._means = {k: _mean(samples) for k, samples in self.log.poses.items()}
         self._restore()
@@ -231,11 +232,11 @@ class Session:
             self._leave()
             self._say("hold still" if self.hold.progress > 0.3 else "")
             return
-        self._stood = self.hold.taken()
         ends = self._at_ends(now)
         if ends:
             self._say(f"{ends[0]} is at the end of its range: move away from there")
             return
+        self._stood = self.hold.taken()
         if self._pending is not None:
             return
         at = [float(v) for v in now]
@@ -259,8 +260,12 @@ class Session:
         from it.
         """
         now = self.hold.now
-        if self._stood and now is not None and apart(now, _mean(self._stood), self.spans) > SAME:
-            self.log.passes(self._stood)
+        if not self._stood or now is None:
+            return
+        stood = _mean(self._stood)
+        if apart(now, stood, self.spans) > SAME:
+            if self._last is None or apart(stood, self._last, self.spans) > SAME:
+                self.log.passes(self._stood)
             self._stood = []
 
     def _say(self, message: str, *, elsewhere: bool = False) -> None:
@@ -278,7 +283,7 @@ class Session:
                 self.repeated.append(label)
             self._save()
         self.log.pose(label, samples)
-        self._means[label] = _mean(samples)
+        self._means[label] = self._last = _mean(samples)
         self.hold.clear()
         self._stood = []
         kept = ": it checks the closure and is not fitted" if self.log.held_out(label) else ""

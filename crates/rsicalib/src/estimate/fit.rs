@@ -438,8 +438,7 @@ fn minimum(
     Ok(fit)
 }
 
-/// Times that places are looked at again, at the most: each lowers the objective, which nearly all do by the
-/// third.
+/// Upper limit of looks at the places. Nearly all fits need three or fewer.
 const CROSSINGS: usize = 10;
 
 /// A minimum in which nothing that is unknown in a pose has another place that closes better: by parameters as

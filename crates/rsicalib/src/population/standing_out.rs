@@ -31,7 +31,7 @@ pub struct Usual {
 }
 
 impl Usual {
-    /// Of devices with these verdicts, none where one was refused; none where too few are usable.
+    /// Of devices with these verdicts; a refused device has no verdict. None where fewer than 20 devices are usable.
     #[must_use]
     pub fn of(devices: &[Known], verdicts: &[Option<Verdict>]) -> Option<Self> {
         let usable = |verdict: &Option<Verdict>| verdict.is_some_and(|v| v.exit_code() == 0);

@@ -121,7 +121,7 @@ impl Readings {
         mechanism: &Mechanism,
         rows: &[usize],
     ) -> Result<Self, Error> {
-        let table = self.table.alone(self.channels, rows);
+        let table = self.table.some(self.channels, rows);
         Self::build(mechanism, table, Some(self.as_taken(rows)), Some(self), false)
     }
 
@@ -283,10 +283,12 @@ impl Readings {
             Some(main) => main.clock.clone(),
             None => session_clock(all, own),
         };
-        let time = session_time(all, own, &clock);
+        // The mean of a pose has the mean of its times.
         let time = match &whole {
-            Some((_, rows)) => picked(&time, 1, rows),
-            None => time,
+            Some((_, rows)) if table.time.is_none() => {
+                picked(&session_time(all, own, &clock), 1, rows)
+            }
+            _ => session_time(&table, &pose, &clock),
         };
         let mean_temperature = match main {
             Some(main) => main.mean_temperature,
@@ -344,7 +346,8 @@ impl Readings {
         Ok(readings)
     }
 
-    /// The session that rows are part of, not laid out: what rows have from others is asked of it.
+    /// The session that rows are part of: what they have from others is asked of it, and whether its readings are
+    /// within their range is not.
     fn taken(
         mechanism: &Mechanism,
         Part { whole, rows }: &Part,
@@ -352,13 +355,14 @@ impl Readings {
     ) -> Result<(Arc<Self>, Vec<usize>), Error> {
         let table =
             Table { keys: Vec::new(), columns: Vec::new(), part: None, ..(**whole).clone() };
-        let plain = |channel: &Channel| Channel { torque: None, ..channel.clone() };
+        let plain = |channel: &Channel| Channel { torque: None, range: None, ..channel.clone() };
         let bare = Mechanism {
             channels: mechanism.channels.iter().map(plain).collect(),
             chains: mechanism.chains.clone(),
             ..Mechanism::default()
         };
-        let taken = Self::build(&bare, table, None, None, true)?;
+        let mut taken = Self::build(&bare, table, None, None, true)?;
+        taken.still = standstills(&mechanism.channels);
         match rows.iter().find(|row| **row >= taken.samples) {
             Some(row) => Err(shape("rows of the whole session", *row, taken.samples)),
             None if rows.len() != samples => {
@@ -600,15 +604,14 @@ impl Readings {
         self.memories.of(channel, memory, find).get(block).copied().unwrap_or(Lanes::ZERO)
     }
 
-    /// The way of a channel to every sample: that of the recording whose stretches these samples are, where
-    /// they are means.
+    /// The way of a channel to every sample, through the session as it was taken.
     pub(crate) fn visits(&self, channel: usize) -> Visits {
         let of = |whole: &Self| {
             let of = [channel, whole.channels];
             Visits::of(&whole.table, &whole.pose, of, whole.still[channel])
         };
         match &self.whole {
-            Some((whole, middles)) => of(whole).at_rows(middles),
+            Some((whole, rows)) => of(whole).at_rows(rows),
             None => of(self),
         }
     }

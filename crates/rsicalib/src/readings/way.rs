@@ -104,13 +104,21 @@ impl Visits {
         self
     }
 
-    /// The same way with other readings in its rows, `gain` times what the channel reads.
-    pub(crate) fn settled(mut self, readings: &[f64], gain: f64) -> Self {
-        self.readings.iter_mut().for_each(|reading| *reading *= gain);
-        self.still *= gain.abs();
-        for (&visit, reading) in self.of_row.iter().zip(readings) {
-            self.readings[visit] = *reading;
+    /// The same way as coordinates. Visits of the rows are where a fit settles these; any other is where the gain
+    /// puts what was read there, as far off as the settled ones are in the mean.
+    pub(crate) fn settled(mut self, coordinates: &[f64], gain: f64) -> Self {
+        let mut rows = vec![Vec::new(); self.readings.len()];
+        for (&visit, coordinate) in self.of_row.iter().zip(coordinates) {
+            rows[visit].push(*coordinate);
         }
+        let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len() as f64;
+        let settled = rows.iter().zip(&self.readings).filter(|(rows, _)| !rows.is_empty());
+        let off: Vec<f64> = settled.map(|(rows, reading)| mean(rows) - gain * reading).collect();
+        let off = mean(&off);
+        for (reading, rows) in self.readings.iter_mut().zip(&rows) {
+            *reading = if rows.is_empty() { gain * *reading + off } else { mean(rows) };
+        }
+        self.still *= gain.abs();
         self
     }
 
@@ -211,7 +219,7 @@ impl Way<'_> {
         let mut carried = 0.0;
         self.each(|reading, begins| {
             let least = if begins { reading } else { carried };
-            carried = least.clamp(reading - width, reading + width);
+            carried = least.max(reading - width).min(reading + width);
             (reading - carried) / width
         })
     }
@@ -260,6 +268,22 @@ mod tests {
         for (got, wanted) in way.since_turn().iter().zip(wanted) {
             assert!((got - wanted).abs() < 1e-12, "{got} for {wanted}");
         }
+    }
+
+    /// A visit that no row is of is as far off as the others: no jump stands between them.
+    #[test]
+    fn a_way_is_settled_where_rows_are_left_out_too() {
+        let values = vec![1.0, 3.0, 7.0, 5.0, 2.0];
+        let table = Table { values, ..Table::default() };
+        let visits = Visits::of(&table, &[0, 0, 1, 2, 3], [0, 1], 0.5).at_rows(&[0, 1, 3]);
+        // Twice what is read and 10 more, a quarter beside it in the pose of two rows.
+        let settled = visits.settled(&[12.25, 16.25, 20.0], 2.0);
+        let off = 10.125;
+        let way = [14.25, 14.0 + off, 20.0, 4.0 + off];
+        assert_eq!(settled.readings, way);
+        assert_eq!(settled.places(), [14.25, 14.25, 20.0]);
+        let travelled = settled.remembered(Memory::Travelled)[2];
+        assert_eq!(travelled, (off - 0.25) + (off - 6.0));
     }
 
     #[test]

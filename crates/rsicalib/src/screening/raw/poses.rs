@@ -37,7 +37,8 @@ pub(super) fn moved_poses(raw: &Raw<'_>) -> Vec<Suspect> {
     let moved = |(pose, own): (&Range<usize>, &Vec<f64>)| {
         let dof = (pose.len() - 1) as f64;
         let limit = TREMOR * (chi2_per_dof(dof, FAR) / chi2_per_dof(dof, 0.0)).sqrt();
-        let excess = |c: usize| own[c] / typical[c] / limit;
+        // Of what never changes, no scatter is far.
+        let excess = |c: usize| if own[c] == 0.0 { 0.0 } else { own[c] / typical[c] / limit };
         // The first of those that are equally far.
         let channel = channels.clone().rev().max_by(|&a, &b| excess(a).total_cmp(&excess(b)))?;
         let others = channels.clone().filter(|&c| c != channel && excess(c) > 1.0).count();

@@ -21,7 +21,8 @@ pub(super) fn other_units(raw: &Raw<'_>) -> Vec<Suspect> {
     let part = |&c: &usize| (high - low) / whole_way(&raw.channels[c]);
     let part = channels.iter().map(part).fold(0.0, f64::max);
     let whole = values().filter(|v| v.fract() == 0.0).count();
-    if part > NARROW || 2 * whole > channels.len() * raw.rows() {
+    // Channels that never change say nothing of their unit.
+    if part == 0.0 || part > NARROW || 2 * whole > channels.len() * raw.rows() {
         return Vec::new();
     }
     vec![Suspect::Units { channels, low, high, part }]

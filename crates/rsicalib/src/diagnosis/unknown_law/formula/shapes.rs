@@ -30,7 +30,7 @@ pub(super) struct Named {
     pub(super) moves: bool,
     /// An angle: its waves may be of whole orders.
     pub(super) turns: bool,
-    /// What does the same to either side of zero.
+    /// True where `x |x|` is tried: its sign is that of a force or of a motion.
     pub(super) signed: bool,
     /// Time or a path: from zero on, of which there are decays.
     pub(super) grows: bool,
@@ -128,7 +128,7 @@ impl Shape {
         match self {
             Self::Power { from, .. } => vec![(from, [*low, *high])],
             Self::Signed => Vec::new(),
-            // One period and more, and no more waves than poses show.
+            // Half a wave over what the variable spans to either side, and a period of phases.
             Self::Wave { order, phase } => vec![
                 (order, [(order - apart).max(0.5 * order), order + apart]),
                 (phase, [phase - FRAC_PI_2, phase + FRAC_PI_2]),
