@@ -222,7 +222,7 @@ THERE: tuple[str, ...] = ("delta", "fivebar", "legs", "redundant", "warm_legs")
 """Machines whose closures the core has."""
 
 
-@pytest.mark.parametrize("name", sized(("delta", "fivebar", "redundant"), THERE))
+@pytest.mark.parametrize("name", THERE)
 def test_clean_machines_are_adequate_and_effects_are_among_the_named(name: str) -> None:
     """The small form of `python -m tests.machines`: one of each may go wrong by chance."""
     cases = sized(2, 6)

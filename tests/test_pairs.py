@@ -16,7 +16,7 @@ SHARED: list[tuple[Effect, type[Effect]]] = [
 ]
 
 
-@pytest.mark.parametrize(("shared", "own"), sized(SHARED[:1], SHARED))
+@pytest.mark.parametrize(("shared", "own"), SHARED)
 def test_what_all_channels_do_and_one_undoes_is_told(shared: Effect, own: type[Effect]) -> None:
     """Each has a noncentrality of 100 beside the other; one by one, 1 or 2 of 9 are told.
 

@@ -7,7 +7,7 @@
 //!
 //! Where the second names an error of a surface, or has one in a tie, and is not ruled out, joints stay as they
 //! are drawn: what is not known to be wrong is not changed. Where it has none, offsets stay unless they are ruled
-//! out, for they were asked for; and where it has no effect that the first has not, they take up nothing.
+//! out, for they were asked for. Where all its effects are in the first too, offsets explain nothing, and stay.
 
 use crate::Error;
 use crate::apply::change::apart;
@@ -58,7 +58,7 @@ pub(crate) fn likelier<'a>(
     if found && known && !of_surface {
         return Ok((asked, false));
     }
-    // Of two that are not ruled out.
+    // How much dearer the second may be.
     let preferred = if of_surface { RIVAL } else { -RIVAL };
     let paid = paid(&asked, offsets)?;
     let own = asked.searched.price(&asked.averaged) + paid;
@@ -107,7 +107,7 @@ fn names_surface(search: &Search) -> bool {
     found.any(|step| of_surface(&step.scored.instance) || step.also.iter().any(of_surface))
 }
 
-/// What offsets cost that a search was asked for, by what they gain beside what it found. Each joint that is
+/// The price of the offsets that were asked for, by what they gain beside what was found. Each joint that is
 /// not where it is drawn is one more thing that is wrong. Offsets that readings do not determine cost nothing:
 /// they explain nothing.
 fn paid(asked: &Search, offsets: &[Instance]) -> Result<f64, Error> {

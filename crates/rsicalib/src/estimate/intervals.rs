@@ -13,7 +13,7 @@ use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::Part;
 use crate::estimate::observations::{LONG, Observations};
 use crate::estimate::options::Method;
-use crate::estimate::significance::LINEAR;
+use crate::estimate::significance::NORMAL_95;
 use crate::model::{Model, Prior};
 use crate::numerics::distributions::student_quantile;
 use crate::numerics::lm::{self, SolverOptions};
@@ -95,7 +95,7 @@ fn of_problem(fit: &Fit, problem: &Implicit) -> Option<Vec<Option<[f64; 2]>>> {
         let half = quantile * sd;
         let found = ends(problem, likeliest, &Along { row, pivot: k, slope, half }, rise);
         let [low, high] = found.unwrap_or([-half, half]);
-        let same = |end: f64| (end.abs() / (LINEAR * sd) - 1.0).abs() <= OFF;
+        let same = |end: f64| (end.abs() / (NORMAL_95 * sd) - 1.0).abs() <= OFF;
         (!same(low) || !same(high)).then_some([low, high])
     };
     Some((0..n).map(|k| if k < fit.model.term_parameters { of(k) } else { None }).collect())

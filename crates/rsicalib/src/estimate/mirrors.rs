@@ -19,7 +19,7 @@ use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::Part;
 use crate::estimate::observations::Observations;
 use crate::estimate::settle::settled;
-use crate::estimate::significance::{LEVEL, LINEAR};
+use crate::estimate::significance::{LEVEL, NORMAL_95};
 use crate::estimate::sized::told_by_distances;
 use crate::estimate::suspicion::Suspicion;
 use crate::model::{Thing, Want, Workspace};
@@ -108,7 +108,7 @@ fn image(observations: &Observations, fit: &Fit, number: usize) -> Option<Vec<f6
     let moved: f64 = own.clone().map(|k| (found.x[k] - fit.beta[k]).powi(2)).sum::<f64>().sqrt();
     let sd: f64 = own.map(|k| fit.covariance[(k, k)].max(0.0)).sum::<f64>().sqrt();
     // Beside its image by chance, a point is within what is told of it: intervals of 95 % overlap.
-    let far = 2.0 * LINEAR * sd;
+    let far = 2.0 * NORMAL_95 * sd;
     (found.cost.is_finite() && as_well && moved > across.abs() && moved > far).then_some(found.x)
 }
 

@@ -2,7 +2,7 @@
 
 use crate::estimate::eliminated::Eliminated;
 use crate::estimate::objective::{Noise, Part, Play};
-use crate::estimate::significance::LINEAR;
+use crate::estimate::significance::NORMAL_95;
 use crate::estimate::spread::{seats, spread};
 use crate::kinematics::elements::Way;
 use crate::model::{Model, Want, Workspace};
@@ -279,12 +279,17 @@ impl Room {
             room.w.iter().fold(Lanes::ZERO, |sum, w| w.mul_add(*w, sum))
         };
         let here = squares(self, a_hat);
+        // No place leaves less than nothing.
+        let by_chance = NORMAL_95 * NORMAL_95;
+        if here.0.iter().all(|left| *left <= by_chance) {
+            return false;
+        }
         let xi = &a_hat[part.readings.channels..];
         let other = part.model.placed_across(part.readings, block, xi, x, &mut self.ws);
         let Some(mut other) = other else { return false };
         let there = squares(self, &mut other);
         let mut crossed = false;
-        for lane in (0..WIDTH).filter(|&lane| there.0[lane] + LINEAR * LINEAR < here.0[lane]) {
+        for lane in (0..WIDTH).filter(|&lane| there.0[lane] + by_chance < here.0[lane]) {
             a_hat.iter_mut().zip(&other).for_each(|(own, other)| own.0[lane] = other.0[lane]);
             crossed = true;
         }

@@ -9,4 +9,4 @@ pub const CLEAN: f64 = 0.01;
 pub const LEVEL: f64 = CLEAN / 3.0;
 
 /// Normal quantile of an interval of 95 %.
-pub(crate) const LINEAR: f64 = 1.959_963_984_540_054;
+pub(crate) const NORMAL_95: f64 = 1.959_963_984_540_054;

@@ -104,7 +104,8 @@ impl Way {
         if rows <= n || here.closed(lane) || !b.iter().all(|b| b.is_finite()) {
             return None;
         }
-        // A length is told in arms of the body, so that no direction depends on the unit.
+        // A length is told in arms of the body, so that no direction depends on the unit. Where there are lengths
+        // alone none does, and only the step of differences is of that size.
         let square = |of: &dyn Fn(&usize) -> bool| -> f64 {
             let own: Vec<f64> = (0..n).filter(of).map(|j| b.column(j).norm_squared()).collect();
             own.iter().sum::<f64>() / own.len() as f64

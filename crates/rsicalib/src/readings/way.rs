@@ -145,8 +145,13 @@ pub struct Way<'a> {
     pub still: f64,
 }
 
-/// Widths of plays: halvings of half the way that a channel goes.
-pub(crate) const PLAYS: i32 = 6;
+/// Widths of plays that are tried.
+const PLAYS: i32 = 6;
+
+/// Widths of plays of a channel that goes from one place to another: halvings of half of that way.
+pub(crate) fn widths([low, high]: [f64; 2]) -> impl Iterator<Item = f64> {
+    (1..=PLAYS).map(move |k| (high - low) * 0.5_f64.powi(k))
+}
 
 impl Way<'_> {
     /// What is remembered, sample by sample.
@@ -209,9 +214,10 @@ impl Way<'_> {
     pub fn plays(&self) -> Vec<Vec<f64>> {
         let low = self.readings.iter().copied().fold(f64::INFINITY, f64::min);
         let high = self.readings.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let half = 0.5 * (high - low);
-        let widths = (0..PLAYS).map(|k| half * 0.5_f64.powi(k));
-        widths.filter(|width| *width > self.still).map(|width| self.play(width)).collect()
+        widths([low, high])
+            .filter(|width| *width > self.still)
+            .map(|width| self.play(width))
+            .collect()
     }
 
     /// A play to `width` on both sides: it begins in the middle.

@@ -4,7 +4,7 @@ use crate::Error;
 use crate::apply::change::PlatformRms;
 use crate::apply::earlier::{Applied, lasting};
 use crate::diagnosis::verdict::worth_an_update;
-use crate::estimate::significance::LINEAR;
+use crate::estimate::significance::NORMAL_95;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
 use crate::monitor::compare::{Comparison, Found, Judged, compare};
@@ -141,7 +141,7 @@ impl Update {
 impl Changed {
     fn sentence(&self) -> String {
         let Self { term, target, size, sd, unit, .. } = self;
-        let (size, half) = (significant(*size, 3), significant(LINEAR * sd, 2));
+        let (size, half) = (significant(*size, 3), significant(NORMAL_95 * sd, 2));
         let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
         format!("{term} of {target} by {size} ± {half}{unit}")
     }

@@ -13,7 +13,7 @@ use crate::diagnosis::unknown_law::variables::Quantity;
 use crate::estimate::degrees::degrees_in;
 use crate::estimate::directions::{Direction, Directions, Moves};
 use crate::estimate::noise::source::{NoiseEstimate, Source};
-use crate::estimate::significance::LINEAR;
+use crate::estimate::significance::NORMAL_95;
 use crate::estimate::suspicion::{Closes, InDegrees, Measure, Scaled, Shown, Suspicion, Witness};
 use crate::estimate::tried::{Gains, Origin};
 use crate::estimate::{AnchorKind, Fit, Observations};
@@ -720,7 +720,7 @@ fn formula(written: &Written) -> String {
     let parameters = written.law.parameters.keys().zip(&written.values);
     let each: Vec<String> = parameters
         .map(|(name, [value, sd])| {
-            format!("{name} = {} ± {}", significant(*value, 3), significant(LINEAR * sd, 2))
+            format!("{name} = {} ± {}", significant(*value, 3), significant(NORMAL_95 * sd, 2))
         })
         .collect();
     format!(

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use crate::readings::way::{Memory, PLAYS, Visits};
+use crate::readings::way::{Memory, Visits, widths};
 use crate::text::significant;
 
 stated! {
@@ -121,7 +121,7 @@ impl Shape {
         }
     }
 
-    /// Numbers inside it, each with the range of those beside it that are of the same kind.
+    /// Numbers inside it, each with the range in which it is searched.
     pub(super) fn inner(self, [low, high]: &Span) -> Vec<(f64, [f64; 2])> {
         let part = (high - low) / parts_of_formulas() as f64;
         let apart = 0.5 * TAU / (high - low);
@@ -223,8 +223,7 @@ pub(super) fn products(named: &[Named]) -> Vec<Product> {
 fn shapes(x: &Named, alone: bool) -> Vec<Shape> {
     let [low, high] = x.span();
     if x.way.is_some() {
-        let widths = (1..=PLAYS).map(|k| (high - low) * 0.5_f64.powi(k));
-        return widths.map(|width| Shape::Play { width: written(width) }).collect();
+        return widths([low, high]).map(|width| Shape::Play { width: written(width) }).collect();
     }
     if x.is_sign() {
         return vec![Shape::Power { power: 1, from: 0.0 }];
