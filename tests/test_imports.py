@@ -430,3 +430,11 @@ def test_every_extra_that_a_message_names_brings_its_library() -> None:
     for file in (root / "python" / "rsicalib").rglob("*.py"):
         asked = re.findall(r'(?<!ask\.)needed\("(\w+)', file.read_text(encoding="utf-8"))
         assert set(asked) <= set(EXTRAS), file.name
+
+
+@pytest.mark.parametrize("what", ["time", "inside"])
+def test_arrays_of_other_lengths_than_the_readings_are_refused(what: str) -> None:
+    given = {"time": np.arange(4.0), "inside": np.ones(4, dtype=bool)}
+    given[what] = given[what][1:]
+    with pytest.raises(InputError, match=f"{what} has 3 entries; expected 4"):
+        still_stretches(np.zeros((4, 2)), hold=1.0, **given)

@@ -99,16 +99,9 @@ pub fn arm(joints: usize, poses: usize) -> Observations {
     };
     let channel = |name: &String| Channel {
         name: name.clone(),
-        unit: "rad".into(),
-        label: None,
         range: Some([-2.0, 2.0]),
-        gain: 1.0,
-        offset: 0.0,
-        limits: None,
         noise: Some(1e-4),
-        passive: false,
-        torque: None,
-        share: None,
+        ..Channel::default()
     };
     let point = |name: &str, chain: Option<&str>| Point {
         name: name.into(),

@@ -6,9 +6,12 @@ use numpy::{Element, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
+use rsicalib::Error;
 use rsicalib::mechanism::Channel;
 use rsicalib::readings::still;
 use rsicalib::screening::raw::{self, Raw};
+
+use crate::error::PyError;
 
 /// What raw readings are judged by.
 #[derive(FromPyObject)]
@@ -20,19 +23,7 @@ pub struct PySensor {
 
 impl From<PySensor> for Channel {
     fn from(PySensor { unit, range, gain }: PySensor) -> Self {
-        Self {
-            name: String::new(),
-            unit,
-            label: None,
-            range: range.map(Into::into),
-            gain,
-            offset: 0.0,
-            limits: None,
-            noise: None,
-            passive: false,
-            torque: None,
-            share: None,
-        }
+        Self { unit, range: range.map(Into::into), gain, ..Self::default() }
     }
 }
 
@@ -46,6 +37,8 @@ pub fn suspects<'py>(
     values: PyReadonlyArray2<'py, f64>,
     pose: Option<PyReadonlyArray1<'py, i64>>,
 ) -> PyResult<Bound<'py, PyAny>> {
+    each_channel(&channels, &values)?;
+    each_row("pose", pose.as_ref(), &values)?;
     let (channels, pose) = (sensors(channels), pose.as_ref().map(entries));
     let found = raw::suspects(&Raw::new(&channels, &in_rows(&values), pose.as_deref()));
     Ok(pythonize(py, &found)?)
@@ -62,6 +55,9 @@ pub fn unlabelled<'py>(
     pose: Option<PyReadonlyArray1<'py, i64>>,
     sample: Option<PyReadonlyArray1<'py, i64>>,
 ) -> PyResult<Option<Bound<'py, PyAny>>> {
+    each_channel(&channels, &values)?;
+    each_row("pose", pose.as_ref(), &values)?;
+    each_row("sample", sample.as_ref(), &values)?;
     let (channels, pose) = (sensors(channels), pose.as_ref().map(entries));
     let (values, sample) = (in_rows(&values), sample.as_ref().map(entries));
     let found = raw::unlabelled(&Raw::new(&channels, &values, pose.as_deref()), sample.as_deref());
@@ -77,10 +73,33 @@ pub fn still_stretches(
     time: PyReadonlyArray1<'_, f64>,
     hold: f64,
     inside: Option<PyReadonlyArray1<'_, bool>>,
-) -> Vec<(usize, usize)> {
+) -> PyResult<Vec<(usize, usize)>> {
+    each_row("time", Some(&time), &values)?;
+    each_row("inside", inside.as_ref(), &values)?;
     let (time, inside) = (entries(&time), inside.as_ref().map(entries));
     let found = still::still_stretches(&in_rows(&values), &time, hold, inside.as_deref());
-    found.into_iter().map(|rows| (rows.start, rows.end)).collect()
+    Ok(found.into_iter().map(|rows| (rows.start, rows.end)).collect())
+}
+
+/// An error where an array that is given has not one entry for each row of the readings.
+fn each_row<T: Element>(
+    what: &str,
+    given: Option<&PyReadonlyArray1<'_, T>>,
+    values: &PyReadonlyArray2<'_, f64>,
+) -> PyResult<()> {
+    given.map_or(Ok(()), |array| as_many(what, array.as_array().len(), values.as_array().nrows()))
+}
+
+/// An error where the readings have not one column for each channel.
+fn each_channel(channels: &[PySensor], values: &PyReadonlyArray2<'_, f64>) -> PyResult<()> {
+    as_many("channels", channels.len(), values.as_array().ncols())
+}
+
+fn as_many(what: &str, found: usize, expected: usize) -> PyResult<()> {
+    match found == expected {
+        true => Ok(()),
+        false => Err(PyError::from(Error::Shape { what: what.into(), found, expected }).into()),
+    }
 }
 
 fn sensors(given: Vec<PySensor>) -> Vec<Channel> {

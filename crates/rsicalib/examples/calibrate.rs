@@ -20,19 +20,8 @@ const NOISE: f64 = 1e-4;
 
 /// The linkage as drawn: both encoders read the joint angle itself.
 fn linkage() -> Mechanism {
-    let channel = |name: &str| Channel {
-        name: name.into(),
-        unit: "rad".into(),
-        label: None,
-        range: None,
-        gain: 1.0,
-        offset: 0.0,
-        limits: None,
-        noise: Some(NOISE),
-        passive: false,
-        torque: None,
-        share: None,
-    };
+    let channel =
+        |name: &str| Channel { name: name.into(), noise: Some(NOISE), ..Channel::default() };
     // A fixed row leads from the base to the post; the next row is the joint.
     let chain = |name: &str, post: f64| Chain {
         name: name.into(),

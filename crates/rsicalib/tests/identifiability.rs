@@ -13,19 +13,7 @@ fn counts(found: &Identifiable) -> (usize, usize, usize) {
 }
 
 fn channel(name: &str) -> Channel {
-    Channel {
-        name: name.into(),
-        unit: "rad".into(),
-        label: None,
-        range: None,
-        gain: 1.0,
-        offset: 0.0,
-        limits: None,
-        noise: None,
-        passive: false,
-        torque: None,
-        share: None,
-    }
+    Channel { name: name.into(), ..Channel::default() }
 }
 
 fn closure(kind: ClosureKind, a: &str, b: &str, value: Option<f64>) -> Closure {

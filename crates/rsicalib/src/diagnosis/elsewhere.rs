@@ -13,7 +13,7 @@ use crate::diagnosis::localisation::Residual;
 use crate::diagnosis::options::{Rule, SearchOptions};
 use crate::diagnosis::score::scored;
 use crate::diagnosis::trace::{Found, Traced, trace};
-use crate::diagnosis::verdict::worse;
+use crate::diagnosis::verdict::WORSE;
 use crate::estimate::progress::Progress;
 use crate::estimate::{
     Fit, Implicit, Misfit, Noise, Observations, Part, fit, groups_along, numbered_groups,
@@ -108,7 +108,7 @@ pub fn elsewhere(
     let may = |effect: &Instance| match &again {
         Some((again, found)) => {
             let finds = |fit: &Fit| fit.model.instances.contains(effect);
-            *again <= worse() * without || found.iter().all(finds)
+            *again <= WORSE * without || found.iter().all(finds)
         }
         None => understood && !effect.term.info().penalised,
     };

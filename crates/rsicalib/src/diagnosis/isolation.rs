@@ -15,6 +15,7 @@ use crate::diagnosis::options::{LEVEL, SearchOptions};
 use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
 use crate::diagnosis::score::{places, scan};
 use crate::estimate::at_fit::AtFit;
+use crate::estimate::noise::source::LEAST_DOF;
 use crate::estimate::{Fit, Observations, fit};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
@@ -26,8 +27,6 @@ use crate::numerics::workers;
 const UNBOUNDED: f64 = 1e4;
 
 stated! {
-    /// Fewer degrees of freedom than this judge nothing.
-    fn least_dof() -> f64 = 8.0;
     /// Wrong readings beside what is at fault, at the most: more would explain away anything.
     fn wrong_beside() -> usize = 1;
 }
@@ -150,7 +149,7 @@ impl<'a> Released<'a> {
     ) -> Result<Option<Self>, Error> {
         let released = released(observations, start, target);
         let (equations, lost) = equations(&released, start, target);
-        if equations - lost < least_dof() {
+        if equations - lost < LEAST_DOF {
             return Ok(None);
         }
         let rest = fit(&released, start.model.instances.clone(), Some(start))?;
@@ -190,7 +189,7 @@ impl<'a> Released<'a> {
         }
         let dof = self.dof();
         self.p_value = judge.too_large(self.rest.chi2, dof);
-        Ok(dof >= least_dof() && self.p_value > LEVEL)
+        Ok(dof >= LEAST_DOF && self.p_value > LEVEL)
     }
 
     /// The worst reading, or pose, that is wrong though this says nothing.

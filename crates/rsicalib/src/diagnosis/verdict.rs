@@ -125,20 +125,13 @@ impl Compared {
     pub fn worse(&self) -> bool {
         // Two relative standard deviations of a root mean square.
         let chance = 1.0 + 2.0 / (2.0 * self.errors.max(1.0)).sqrt();
-        self.found > self.other * worse().max(chance)
+        self.found > self.other * WORSE.max(chance)
     }
 }
 
-stated! {
-    /// What is left on poses that a fit has not seen may be more than what was left before by so much of
-    /// it: the same noise is in both, and an effect that is there takes more away.
-    fn worse_by() -> f64 = 0.05;
-}
-
-/// So many times what was left before may be left on poses that a fit has not seen.
-pub fn worse() -> f64 {
-    1.0 + worse_by()
-}
+/// So many times what was left before may be left on poses that a fit has not seen: the same noise is in both.
+/// What is applied is promised to be no worse there than by this.
+pub const WORSE: f64 = 1.05;
 
 /// What a verdict rests on.
 #[derive(Debug, Clone, Copy, Default)]

@@ -8,7 +8,7 @@ use faer::Mat;
 use crate::estimate::adjusted::Adjusted;
 use crate::estimate::between::Between;
 use crate::estimate::conventions::{Conventions, Stays};
-use crate::estimate::noise::source::{LEAST_DOF, NoiseEstimate, Source, minor};
+use crate::estimate::noise::source::{LARGER_PART, LEAST_DOF, NoiseEstimate, Source};
 use crate::estimate::objective::Noise;
 use crate::estimate::residuals::Residuals;
 use crate::estimate::suspicion::Suspicion;
@@ -131,7 +131,7 @@ impl Fit {
     #[must_use]
     pub fn unverified(&self) -> bool {
         let repeated = self.noise.source != Source::Declared || self.within >= LEAST_DOF;
-        self.noise.judges() && !(repeated && self.noise.share >= minor())
+        self.noise.judges() && !(repeated && self.noise.share >= LARGER_PART)
     }
 
     /// True where the length of something known takes part in a convention: then nothing says how long

@@ -157,6 +157,25 @@ pub struct Channel {
 /// The unit of a channel that reads whole codes of a converter.
 pub(crate) const COUNT: &str = "count";
 
+/// An encoder of no name that reads its joint: 1 rad per radian, zero at zero.
+impl Default for Channel {
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            unit: "rad".into(),
+            label: None,
+            range: None,
+            gain: 1.0,
+            offset: 0.0,
+            limits: None,
+            noise: None,
+            passive: false,
+            torque: None,
+            share: None,
+        }
+    }
+}
+
 impl Channel {
     /// True for the whole codes of a converter; another unit is a physical one.
     #[must_use]

@@ -195,15 +195,10 @@ impl Mechanism {
                 mechanism.channels.push(Channel {
                     name: format!("a{}{}", i + 1, j + 1),
                     unit: COUNT.into(),
-                    label: None,
                     range: Some([0.0, 4095.0]),
                     gain,
-                    offset: 0.0,
                     limits: Some(limits),
-                    noise: None,
-                    passive: false,
-                    torque: None,
-                    share: None,
+                    ..Channel::default()
                 });
             }
             mechanism.chains.push(Chain {

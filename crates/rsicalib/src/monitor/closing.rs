@@ -33,9 +33,10 @@ const TOLD: f64 = 1e-3;
 /// Poses that are compared at the most, evenly spread: enough to tell, and soon done.
 const MOST: usize = 200;
 
+/// Probability that the loops of a sound device are called open: of a million uses one.
+const OPEN_BY_CHANCE: f64 = 1e-6;
+
 stated! {
-    /// Probability that the loops of a sound device are called open: of a million uses one.
-    fn open_by_chance() -> f64 = 1e-6;
     /// By so many times misclosure does not differ between poses of a session and others: the arms by
     /// which a joint moves a closure differ by less.
     fn times_open() -> f64 = 5.0;
@@ -85,15 +86,15 @@ impl Closing {
     pub fn open(&self, own: Option<f64>) -> Option<OpenLoops> {
         let Self { rms_misclosure, p_value, .. } = *self;
         // What is not finite is not below anything.
-        let closed = p_value >= open_by_chance()
-            && own.is_none_or(|own| rms_misclosure < times_open() * own);
+        let closed =
+            p_value >= OPEN_BY_CHANCE && own.is_none_or(|own| rms_misclosure < times_open() * own);
         (!closed).then_some(OpenLoops { rms_misclosure, own, p_value })
     }
 
     /// True where a closure closes better than the noise of the result lets it.
     #[must_use]
     pub fn quieter(&self) -> bool {
-        self.p_quieter < open_by_chance()
+        self.p_quieter < OPEN_BY_CHANCE
     }
 
     /// True where the noise of a result makes more of the loops than its own session had.

@@ -371,15 +371,10 @@ fn random_chain(
         mechanism.channels.push(Channel {
             name: name.clone(),
             unit: if encoder { "rad" } else { "count" }.into(),
-            label: None,
             range: (!encoder).then_some([0.0, 4095.0]),
             gain,
             offset: if encoder { 0.1 } else { q - gain * 2048.0 },
-            limits: None,
-            noise: None,
-            passive: false,
-            torque: None,
-            share: None,
+            ..Channel::default()
         });
         centre.push(q);
         rows.push(Row {

@@ -144,7 +144,8 @@ impl NoiseEstimate {
     }
 }
 
-/// Fewer degrees of freedom than this give no noise.
+/// Fewer degrees of freedom than this give no noise, and judge nothing: of eight, a standard deviation is known
+/// to a quarter of itself, 1/√(2 · 8).
 pub(crate) const LEAST_DOF: f64 = 8.0;
 
 /// Part of the variance of rounding that may last within a pose while channels are told apart.
@@ -310,11 +311,9 @@ fn roundings(observations: &Observations, used: &Noise) -> impl Iterator<Item = 
     observations.roundings().zip(&used.sigma).map(|(rounding, sigma)| rounding / (sigma * sigma))
 }
 
-stated! {
-    /// Where all closures declare their play, and readings nobody spoke of make less than
-    /// this share of the misclosure's variance, the noise is declared.
-    pub(crate) fn minor() -> f64 = 0.5;
-}
+/// Where all closures declare their play, and readings nobody spoke of make less than this share of the
+/// misclosure's variance, the noise is declared: the play is the larger part.
+pub(crate) const LARGER_PART: f64 = 0.5;
 
 /// True where every closure of a sample declares its play.
 fn plays(observations: &Observations) -> bool {
@@ -455,7 +454,7 @@ pub(crate) fn estimate_noise(
         // Readings that stand still in every pose: what is left of noise is the play.
         return scaled(least, Source::Declared, f64::INFINITY);
     }
-    if plays(observations) && residuals.readings_share < minor() {
+    if plays(observations) && residuals.readings_share < LARGER_PART {
         return scaled(1.0, Source::Declared, f64::INFINITY);
     }
     let k = residuals.equations;
