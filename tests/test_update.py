@@ -38,6 +38,26 @@ def test_an_offset_that_a_bent_link_explains_is_no_change() -> None:
     assert pair(1, 9).right
 
 
+@pytest.mark.parametrize("seed", range(300, 305))
+def test_two_clamped_sensors_are_two_offsets_and_no_link(seed: int, tmp_path: Path) -> None:
+    # A link or a point in place of both comes first by its score: eight of ten pairs were told so.
+    device, earlier, rng = calibrated(seed)
+    path = tmp_path / "earlier.json"
+    earlier.save(path)
+    drawn = np.random.default_rng(seed)
+    clamped = drawn.choice(len(CHANNELS), 2, replace=False)
+    sizes = drawn.uniform(0.015, 0.05, 2) * drawn.choice([-1, 1], 2)
+    offsets = device.offsets.copy()
+    offsets[clamped] += sizes
+    readings, rest = again(Device(offsets, device.gains), rng)
+    update = rsicalib.calibrate(readings, rest=rest, calibration=path).update
+    assert update is not None
+    told = {(change.term, change.target): change for change in update.changes}
+    truth = {("offset", CHANNELS[k]): size for k, size in zip(clamped, sizes, strict=True)}
+    assert told.keys() == truth.keys()
+    assert all(abs(told[key].size - size) < 4 * told[key].sd for key, size in truth.items())
+
+
 def test_a_clamped_sensor_is_named_with_its_size_and_an_update_is_worth_it(tmp_path: Path) -> None:
     device, earlier, rng = calibrated(21)
     path = tmp_path / "earlier.json"

@@ -2,7 +2,8 @@
 //!
 //! The readings of the later session are tested under the calibration of the earlier one, whose
 //! uncertainty is part of the test: (102) with an onset before the first row. Each change that is
-//! found joins the parameters that are not known, and the others are tested beside it.
+//! found joins the parameters that are not known, and the others are tested beside it. Two changes at once
+//! can look like a third: so each is chosen again beside those that were found with it.
 
 use std::sync::Arc;
 
@@ -137,8 +138,12 @@ impl Ranked {
 }
 
 impl Named {
-    fn of(best: Ranked) -> Self {
-        Self { candidate: best.candidate, p_value: best.p_value.min(1.0), also_fits: Vec::new() }
+    /// The first of these, with those that the readings cannot tell from it; none where chance makes as much.
+    fn first(watched: &Watched, ranked: &[Ranked]) -> Option<Self> {
+        let best = ranked.first().filter(|best| best.p_value < CHANGED_LEVEL)?;
+        let ties = ranked[1..].iter().filter(|one| one.ties(best));
+        let also_fits = ties.map(|one| name(watched, one.candidate)).collect();
+        Some(Self { candidate: best.candidate, p_value: best.p_value.min(1.0), also_fits })
     }
 }
 
@@ -169,28 +174,15 @@ pub fn compare(
     let (chi2_per_dof, p_value) = (pass.chi2 / count, session.p_value(pass.chi2, count));
     let mut changes: Vec<Named> = Vec::new();
     let mut tried = Vec::new();
-    while tried.len() < MOST_CHANGES {
+    for _ in 0..MOST_CHANGES {
         let ranked = session.ranked(&watched, &pass, &tried);
-        let Some(best) = ranked.first().copied() else { break };
-        if best.p_value >= CHANGED_LEVEL {
-            break;
-        }
+        let Some(best) = Named::first(&watched, &ranked) else { break };
         tried.push(best.candidate);
-        let ties = ranked[1..].iter().filter(|one| one.ties(&best));
-        let also_fits = ties.map(|one| name(&watched, one.candidate)).collect();
-        changes.push(Named { also_fits, ..Named::of(best) });
-        pass = session.settle(&mut watched, &was, &changes);
-        let certain = covariance.is_none();
-        let left = |one: &Named| {
-            one.candidate == best.candidate
-                || session.remains(&watched, &pass, &was, certain, one.candidate)
-        };
-        let before = changes.len();
-        changes.retain(left);
-        if changes.len() < before {
-            pass = session.settle(&mut watched, &was, &changes);
-        }
+        changes.push(best);
+        pass = session.choose_again(&mut watched, &was, &mut changes);
+        tried.extend(changes.iter().map(|one| one.candidate));
     }
+    changes.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
     let found = changes.into_iter().map(|Named { candidate: k, p_value, also_fits }| {
         let (values, covariance, alone) =
             difference(&watched, &pass, &was, covariance.is_none(), k);
@@ -281,20 +273,23 @@ impl<'a> Session<'a> {
         pass
     }
 
-    /// True where a change is beyond chance beside those that were found after it.
-    fn remains(
-        &self,
-        watched: &Watched,
-        pass: &Pass,
-        was: &[f64],
-        certain: bool,
-        candidate: usize,
-    ) -> bool {
-        let (values, covariance, _) = difference(watched, pass, was, certain, candidate);
-        let Some(factor) = covariance.cholesky() else { return true };
-        let statistic = values.dot(&factor.solve(&values));
-        self.log_p(statistic, values.len()).exp() * (watched.candidates.len() as f64)
-            < CHANGED_LEVEL
+    /// Chooses each change again beside the others, until none is another; one beside which chance makes as much
+    /// is no change. Gives the state at the estimates of those that are left.
+    fn choose_again(&self, watched: &mut Watched, was: &[f64], changes: &mut Vec<Named>) -> Pass {
+        let mut same = 0;
+        for _ in 0..MOST_CHANGES * MOST_CHANGES {
+            if same == changes.len() || changes.len() == 1 {
+                break;
+            }
+            let one = changes.remove(0);
+            let pass = self.settle(watched, was, changes);
+            let others: Vec<usize> = changes.iter().map(|other| other.candidate).collect();
+            let again = Named::first(watched, &self.ranked(watched, &pass, &others));
+            let as_before = again.as_ref().is_some_and(|again| again.candidate == one.candidate);
+            same = if as_before { same + 1 } else { 0 };
+            changes.extend(again);
+        }
+        self.settle(watched, was, changes)
     }
 
     /// Probability of a larger `χ²` of all readings by chance.
