@@ -274,7 +274,8 @@ impl<'a> Session<'a> {
     }
 
     /// Chooses each change again beside the others, until none is another; one beside which chance makes as much
-    /// is no change. Gives the state at the estimates of those that are left.
+    /// is no change. Gives the state at the estimates of those that are left. One that is left alone stays: what was
+    /// dropped may be likelier where nothing stands beside it. The rounds are bounded, should two choices alternate.
     fn choose_again(&self, watched: &mut Watched, was: &[f64], changes: &mut Vec<Named>) -> Pass {
         let mut same = 0;
         for _ in 0..MOST_CHANGES * MOST_CHANGES {
