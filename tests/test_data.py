@@ -538,7 +538,7 @@ def test_a_write_that_fails_leaves_nothing_behind(tmp_path, monkeypatch):
     readings = Readings.from_arrays(RSI, session()[0])
     (tmp_path / "out.csv").write_text("before")
 
-    def interrupted(self, file):
+    def interrupted(self, file, *, whole=False):
         file.write("half")
         raise KeyboardInterrupt
 

@@ -99,6 +99,43 @@ def test_the_session_is_that_of_the_trace_of_its_files(
             assert line.split(",", 3)[3] in rows
 
 
+def test_the_result_is_made_again_from_the_session_alone(tmp_path: Path) -> None:
+    """Of a device whose sensor knows from where it comes, and a hand that comes twice."""
+    operator = person.drawn(5, "hysteresis", "a22")
+    operator.shakes = (0.012, 0.006)
+    session, result = person.guided(operator, tmp_path / "s", TARGET)
+    assert result is not None
+    assert session.log.passed  # places that no file of poses has, and from which others were taken
+    rest = session.adviser.rest
+    again = rsicalib.trace(tmp_path / "s" / "session.csv", session.mechanism, rest=rest)
+    assert [s.spec for s in again.steps] == [s.spec for s in result.steps]
+    assert [p.value for p in again.parameters] == [p.value for p in result.parameters]
+    assert again.after.chi2 == result.after.chi2
+    saved = rsicalib.load_calibration(tmp_path / "s" / "result.json")
+    assert [p.value for p in saved.parameters] == [p.value for p in again.parameters]
+
+
+def test_a_hand_that_trembles_at_a_place_has_been_there(tmp_path: Path) -> None:
+    mechanism = rsicalib.load_mechanism("rsi")
+    log = Log(tmp_path / "s", CHANNELS, False)
+    session = person.Session(mechanism, Adviser(mechanism, None), log, person.Settings(TARGET))
+    rng, clock = np.random.default_rng(1), 0.0
+
+    def stand(level: float, tremor: float) -> None:
+        nonlocal clock
+        for _ in range(60):
+            clock += 0.02
+            values = np.round(level + tremor * rng.standard_normal(9))
+            session.feed([Sample(clock, None, tuple(values))])
+
+    stand(1500.0, 20.0)  # 16 counts are still
+    stand(1560.0, 20.0)
+    stand(2500.0, 1.0)
+    session.finish()
+    means = [np.mean([s.values for s in log.passed[k]]) for k in sorted(log.passed, reverse=True)]
+    np.testing.assert_allclose(means, [1500.0, 1560.0], atol=15.0)
+
+
 def test_two_kept_out_poses_check_an_effect_of_the_direction_of_approach() -> None:
     readings = rsicalib.load_readings(rsicalib.DEMO / "readings.csv")
     terms = ["offset", "gain", "hysteresis@a22"]
@@ -318,7 +355,7 @@ def few_poses(seed: int, poses: int, kind: str | None = None) -> tuple[Warned | 
         )
     mechanism = rsicalib.load_mechanism("rsi")
     adviser = Adviser(mechanism, rsicalib.Readings.from_arrays(mechanism, rest))
-    return adviser._mistake(Taken(fitted)), wrong
+    return adviser._mistake(adviser.readings(Taken(fitted))), wrong
 
 
 @pytest.mark.parametrize("poses", [2, 3, 6, 7, 9, 12])

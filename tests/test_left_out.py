@@ -5,8 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+import pytest
 
 import rsicalib
+from rsicalib import InputError
 from rsicalib.guide.advice import Adviser
 from rsicalib.guide.log import Log, Sample
 from tests import oracle
@@ -46,6 +49,50 @@ def test_rows_of_rows_are_rows_of_the_session() -> None:
     fewer = some.select(some.pose % 2 == 0)
     assert fewer.taken is whole
     np.testing.assert_array_equal(whole.values[fewer.own], fewer.values)
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_a_file_says_which_of_its_rows_are_used(kind: str, tmp_path: Path) -> None:
+    mechanism = rsicalib.load_mechanism("rsi")
+    whole = rsicalib.load_readings(rsicalib.DEMO / "readings.csv", mechanism)
+    kept = whole.select(whole.pose % 4 != 1)
+    kept.to_csv(tmp_path / "session.csv", whole=True)
+    path = tmp_path / f"session.{kind}"
+    if kind == "parquet":
+        pd.read_csv(tmp_path / "session.csv").to_parquet(path)
+    again = rsicalib.load_readings(path, mechanism)
+    np.testing.assert_array_equal(again.values, kept.values)
+    np.testing.assert_array_equal(again.own, kept.own)
+    np.testing.assert_array_equal(again.taken.values, whole.values)
+    terms = ["offset", "gain", "hysteresis@a22"]
+    found, wanted = (rsicalib.calibrate(one, mechanism, terms=terms) for one in (again, kept))
+    assert [p.value for p in found.parameters] == [p.value for p in wanted.parameters]
+
+
+def test_a_fleet_uses_the_same_rows_as_one_device() -> None:
+    whole = rsicalib.load_readings(rsicalib.DEMO / "readings.csv", rsicalib.load_mechanism("rsi"))
+    kept = whole.select(whole.pose % 4 != 1)
+    frame = pd.read_csv(rsicalib.DEMO / "readings.csv").assign(device="one")
+    frame["used"] = (frame["pose"] % 4 != 1).astype(int)
+    alone = rsicalib.calibrate(kept)
+    row = rsicalib.calibrate_devices(frame, trace=False).iloc[0]
+    assert row["poses"] == 36 and row["samples"] == len(kept)
+    assert row["gain@a22"] == alone["gain", "a22"].value
+    assert row["chi2"] == alone.fit.chi2
+    none = rsicalib.calibrate_devices(frame.assign(used=0), trace=False).iloc[0]
+    assert none["verdict"] is None and "used" in none["message"]
+
+
+@pytest.mark.parametrize(("cell", "expected"), [("2", "0 or 1"), ("", "0 or 1"), ("0", "a 1")])
+def test_a_row_is_used_or_not(cell: str, expected: str, tmp_path: Path) -> None:
+    lines = (rsicalib.DEMO / "readings.csv").read_text(encoding="utf-8").splitlines()
+    path = tmp_path / "readings.csv"
+    rows = [f"{line},{cell}" for line in lines[1:]]
+    path.write_text("\n".join([f"{lines[0]},used", *rows]), encoding="utf-8")
+    with pytest.raises(InputError) as refused:
+        rsicalib.load_readings(path, rsicalib.load_mechanism("rsi"))
+    assert refused.value.where is not None and refused.value.where["column"] == "used"
+    assert refused.value.where["expected"] == expected
 
 
 def test_a_guided_session_has_every_place_where_the_hand_was(tmp_path: Path) -> None:

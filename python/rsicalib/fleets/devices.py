@@ -16,7 +16,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import plain
 from rsicalib.fleets.frames import TEXT, Frame, frame_like, runs_of, select
-from rsicalib.io.cells import Fault, MechanismLike, read_cells, read_header
+from rsicalib.io.cells import USED, Fault, MechanismLike, read_cells, read_header
 from rsicalib.io.frames import Cells, Columns, columns_of
 from rsicalib.io.tables import Table, text
 from rsicalib.options import names, number
@@ -303,13 +303,14 @@ class _Read:
     def device(self, label: Any, rows: Any, rest: FloatArray | str | None) -> Device:
         """One device as the core takes it."""
         values = self.values[rows]
-        pose = self.cells["pose"][rows] if "pose" in self.cells else None
-        refused, runs = self.fault(rows), len(values)
+        pose, used = self._optional("pose", rows), self._optional(USED, rows)
+        own = slice(None) if used is None else np.flatnonzero(used)
+        refused, runs = self.fault(rows), len(values[own])
         if refused is None and pose is not None:
             pose = pose.astype(np.int64)
             starts = np.flatnonzero(pose[1:] != pose[:-1])
-            runs = len(starts) + 1
-            if len(set(pose[starts].tolist()) | {int(pose[-1])}) < runs:
+            runs = len(set(pose[own].tolist()))
+            if len(set(pose[starts].tolist()) | {int(pose[-1])}) <= len(starts):
                 found = "a pose that begins again after another one"
                 refused = (
                     f"column pose: found {found}, expected the rows of a pose next to each other"
@@ -324,10 +325,12 @@ class _Read:
             "session": None,
             "keys": [self._texts(name, rows) for name in self.mechanism.key_columns],
             "columns": [self.cells[name][rows].tolist() for name in self.mechanism.value_columns],
-            "used": None,
+            "used": None if used is None else np.flatnonzero(used).tolist(),
         }
+        if refused is None and not len(values[own]):
+            refused = f"column {USED}: found 0 in every row, expected a 1"
         sha256 = _digest(label, table, rest)
-        return Device(label, table, rest, runs, len(values), refused, sha256)
+        return Device(label, table, rest, runs, len(values[own]), refused, sha256)
 
     def _optional(self, name: str, rows: Any) -> FloatArray | None:
         return self.cells[name][rows] if name in self.cells else None
@@ -345,5 +348,6 @@ def _digest(label: Any, table: Mapping[str, Any], rest: FloatArray | None) -> st
         array = table[name]
         sha.update(f"\0{name}\0".encode() + (b"" if array is None else array.tobytes()))
     sha.update(repr([table["keys"], table["columns"]]).encode())
+    sha.update(b"" if table["used"] is None else repr(table["used"]).encode())
     sha.update(b"" if rest is None else rest.tobytes())
     return sha.hexdigest()

@@ -18,7 +18,6 @@ from rsicalib.facts.shapes import Name, Step
 from rsicalib.facts.warned import WIRING, Warned
 from rsicalib.guide.log import Sample, Taken
 from rsicalib.io.readings import Readings
-from rsicalib.io.samples import Part
 from rsicalib.planning.further import explanations, words
 from rsicalib.planning.purposes import gain_of, reason
 from rsicalib.results.result import Trace
@@ -77,6 +76,8 @@ class Advice:
     sd: float | None = None
     sd_next: float | None = None
     result: Trace | None = None
+    measured: Readings | None = None
+    """What `result` is a trace of."""
     open: tuple[Explained, ...] = ()
     troubles: tuple[Warned, ...] = ()
     repeat: tuple[Repeat, ...] = ()
@@ -151,9 +152,10 @@ class Adviser:
         Advice
             With what is wrong, as warnings.
         """
-        result = None if self.mistake else self._traced(taken)
+        readings = self.readings(taken) if taken.fitted else None
+        result = None if self.mistake else self._traced(readings, taken)
         if not usable(result) and self.mistake is None:
-            self.mistake = self._mistake(taken)
+            self.mistake = self._mistake(readings)
             result = None if self.mistake else result
         rivals = [] if result is None else explanations(result)
         planned = self._planned(taken, result, here, off, decide=False)
@@ -165,6 +167,7 @@ class Adviser:
         return Advice(
             **planned,
             result=result,
+            measured=None if result is None else readings,
             open=tuple(_explained(terms) for terms, _, _ in rivals) if many else (),
             repeat=_repeats(result),
             closure=check[1],
@@ -182,12 +185,12 @@ class Adviser:
             return None
         return None if found.uncertainty is None else found.uncertainty.expanded
 
-    def _mistake(self, taken: Taken) -> Warned | None:
+    def _mistake(self, readings: Readings | None) -> Warned | None:
         """What is wrong with the wires, where no trace explains the poses."""
-        if self.rest is None or not taken.fitted:
+        if self.rest is None or readings is None:
             return None
         mechanism = _with_gains(self.mechanism)
-        table = as_table([self.readings(taken)], mechanism)
+        table = as_table([readings], mechanism)
         try:
             wires = _core.Session(mechanism, table, rest=self.rest.values).fit().wires
             return None if wires is None else Warned.from_dict(wires)
@@ -200,11 +203,11 @@ class Adviser:
         sensors = 2 * len(self.mechanism.channels)
         return len(fitted) * self.mechanism.equations - sensors - 3 * len(touched)
 
-    def _traced(self, taken: Taken) -> Trace | None:
-        if self._spare(taken.fitted) < SPARE:
+    def _traced(self, readings: Readings | None, taken: Taken) -> Trace | None:
+        if readings is None or self._spare(taken.fitted) < SPARE:
             return None
         try:
-            return trace(self.readings(taken), self.mechanism, rest=self.rest)
+            return trace(readings, self.mechanism, rest=self.rest)
         except RsicalibError:
             return None
 
@@ -212,12 +215,6 @@ class Adviser:
         """The poses to fit, of the session as it was taken; with those that are `checked`, too."""
         rows = taken.rows()
         labels = {*taken.fitted, *(taken.kept_out if checked else ())}
-        used = [k for k, (label, _) in enumerate(rows) if label in labels]
-        return replace(
-            self._of_rows([rows[k] for k in used]), part=Part(self._of_rows(rows), np.array(used))
-        )
-
-    def _of_rows(self, rows: Sequence[tuple[int, Sample]]) -> Readings:
         warm = [s.temperature_c for _, s in rows]
         return Readings.from_arrays(
             self.mechanism,
@@ -229,6 +226,7 @@ class Adviser:
                 name: [s.keys[k] for _, s in rows]
                 for k, name in enumerate(self.mechanism.key_columns)
             },
+            used=np.array([label in labels for label, _ in rows]),
         )
 
     def _session(

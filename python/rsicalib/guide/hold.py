@@ -16,7 +16,7 @@ from rsicalib._core import still_stretches
 from rsicalib.arrays import FloatArray
 from rsicalib.guide.log import Sample
 
-__all__ = ["LONGER", "Hold", "apart"]
+__all__ = ["LATEST", "LONGER", "TREMOR", "Hold", "apart"]
 
 LONGER = 3.0
 """A pose that is not the one asked for is taken when it is held so many times as long; so is one in
@@ -27,6 +27,10 @@ STILL = 0.004
 SHAKY = 0.02
 """The same of a hand that cannot be still where it is, at the most: near a stretched arm a small
 tremor of the handle is a large one of its elbow."""
+LATEST = 20
+"""Samples of which the tremor of a hand is told."""
+TREMOR = 2.0
+"""A tremor is allowed so many times its standard deviation: it varies."""
 
 
 LAST = 1000
@@ -37,11 +41,19 @@ class Hold:
     """The last samples of a hand that moves, holds and moves on."""
 
     def __init__(
-        self, spans: FloatArray, samples: int, seconds: float, *, closed: bool = True
+        self,
+        spans: FloatArray,
+        samples: int,
+        seconds: float,
+        *,
+        closed: bool = True,
+        trembling: bool = False,
     ) -> None:
         self.spans = spans
         self.closed = closed
         """Whether loops are closed in motion, too."""
+        self.trembling = trembling
+        """Whether a tremor is stillness at once: for places where a hand has been."""
         self.loose = STILL * spans
         self.samples = samples
         self.seconds = seconds
@@ -57,6 +69,8 @@ class Hold:
             self._all.clear()
         self._last.append(sample)
         self._all.append(sample)
+        if self.trembling:
+            self._tremble()
         if len(self._last) >= 4 and self._moves():
             while len(self._last) > 2 and self._moves():
                 self._last.popleft()
@@ -115,6 +129,13 @@ class Hold:
         if found and found[-1][1] > first:  # else it is on its way from there
             return every[max(found[-1][0], first) :] if found[-1][1] == len(every) else []
         return every[-count // 2 :] if self.held_s >= LONGER * self.seconds else []
+
+    def _tremble(self) -> None:
+        """Let the tremor be what neighbouring samples differ by: a motion changes them alike."""
+        latest = np.array([s.values for s in list(self._all)[-LATEST:]])
+        if len(latest) == LATEST:
+            self.loose = STILL * self.spans
+            self.allow(TREMOR * np.diff(latest, axis=0).std(axis=0) / np.sqrt(2.0))
 
     def _moves(self) -> bool:
         values = np.array([s.values for s in self._last])

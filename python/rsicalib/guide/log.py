@@ -1,7 +1,7 @@
 """What was measured, on disk before anybody sees it.
 
 `samples.csv` holds every sample in the order of its arrival; `readings.csv` and `held_out.csv` the
-poses that were taken, `passed.csv` where else the hand was still. Each write is forced to the disk.
+poses that were taken, `passed.csv` where else the hand has been. Each write is forced to the disk.
 After a crash, a line that is half written is dropped, and a pose of which rows are missing is taken
 again from its samples.
 """
@@ -153,7 +153,7 @@ class Log:
         self.poses: dict[int, list[Sample]] = {}
         self._files: dict[str, TextIO] = {}
         self.passed: dict[int, list[Sample]] = {}
-        """Where the hand was still and no pose is: those that were measured again, and places where
+        """Where the hand has been and no pose is: those that were measured again, and places where
         nothing was to be measured. Their labels are below 0.
         """
         self.exchanged: list[tuple[str, str]] = []
@@ -230,7 +230,7 @@ class Log:
         return Taken(fitted, kept_out, {k: list(v) for k, v in self.passed.items()})
 
     def passes(self, samples: Sequence[Sample]) -> None:
-        """Write to the disk where the hand was still and no pose is."""
+        """Write to the disk where the hand has been and no pose is."""
         label = -len(self.passed) - 1
         self.passed[label] = list(samples)
         self._append_pose(label, samples)

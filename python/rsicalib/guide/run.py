@@ -59,7 +59,8 @@ def guide(
     ----------
     out : path
         Folder of the session: `samples.csv` has every sample, `readings.csv` the poses that are
-        fitted, `held_out.csv` those that are kept out, `result.json` the trace so far.
+        fitted, `held_out.csv` those that are kept out, `result.json` the trace so far, and
+        `session.csv` what it is a trace of.
     mechanism : str, path or Mechanism
         With a platform, or with a target.
     rest : path or Readings, optional

@@ -18,7 +18,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.guide.advice import Advice, Adviser, explained_id
 from rsicalib.guide.handle import Handle
-from rsicalib.guide.hold import LONGER, Hold, apart
+from rsicalib.guide.hold import LATEST, LONGER, TREMOR, Hold, apart
 from rsicalib.guide.log import Log, Sample
 from rsicalib.guide.trouble import Trouble
 from rsicalib.io.files import write_text
@@ -44,8 +44,6 @@ DOUBT = 0.1
 """A residual with a smaller p-value is in doubt: of clean sessions one in ten goes on for it."""
 LITTLE = 0.02
 """A pose that makes the standard deviation smaller by less than this share adds little."""
-LATEST = 20
-"""Samples of which the tremor of a hand is told."""
 MOVED = 0.02
 """A channel has moved where it has by this share of what it can read."""
 WATCHED = 60
@@ -55,8 +53,6 @@ SILENT_S = 3.0
 RESTLESS_S = 8.0
 """A hand that is near the pose and not still for so long is told which channel shakes, and from
 then on its tremor counts as stillness [s]."""
-TREMOR = 2.0
-"""A tremor is allowed so many times its standard deviation: it varies."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +94,9 @@ class Session:
         self.channels = self.mechanism.channels
         self.spans = np.array([_span(c) for c in self.channels])
         closed = _closed_by_itself(self.mechanism)
-        self.hold = Hold(self.spans, self.settings.samples, self.settings.seconds, closed=closed)
+        held = self.settings.samples, self.settings.seconds
+        self.hold = Hold(self.spans, *held, closed=closed)
+        self._dwell = Hold(self.spans, *held, closed=closed, trembling=closed)
         self._recent: deque[tuple[float, ...]] = deque(maxlen=WATCHED)
         self._lock = threading.RLock()
         self._worker = ThreadPoolExecutor(max_workers=1)
@@ -135,6 +133,7 @@ class Session:
             for sample in samples:
                 self._recent.append(sample.values)
                 self.hold.feed(sample)
+                self._dwell.feed(sample)
                 self._bear_with(sample.time_s)
                 self._look()
 
@@ -172,8 +171,7 @@ class Session:
             self.handle = Handle(self.mechanism, self.adviser.prior)
             self._means = {k: _mean(samples) for k, samples in self.log.poses.items()}
             self._recent.clear()
-            self.hold.clear()
-            self._stood = []
+            self._begin_anew()
             self.note = (
                 f"{pair[0]} and {pair[1]} are taken for one another: leave wires and names as"
             )
@@ -227,16 +225,15 @@ class Session:
         """Whether the pose that is held can be taken."""
         if self.done or self.adviser.mistake is not None:
             return
+        self._follow()
         now = self.hold.now
         if now is None or self.hold.progress < 1.0:
-            self._leave()
             self._say("hold still" if self.hold.progress > 0.3 else "")
             return
         ends = self._at_ends(now)
         if ends:
             self._say(f"{ends[0]} is at the end of its range: move away from there")
             return
-        self._stood = self.hold.taken()
         if self._pending is not None:
             return
         at = [float(v) for v in now]
@@ -255,18 +252,31 @@ class Session:
         self._take(self.hold.taken())
         self._ask()
 
-    def _leave(self) -> None:
-        """Keep where the hand was still, once it has gone from there: the next pose is approached
-        from it.
+    def _follow(self) -> None:
+        """Keep where the hand dwelt, once it has gone from there: the next pose is approached from
+        it, however near. A hand that trembles too much to be measured has been there, too.
         """
-        now = self.hold.now
-        if not self._stood or now is None:
+        if self._dwell.progress >= 1.0:
+            held = self._dwell.taken()
+            self._stood = held[: (len(held) + 1) // 2]  # the others may be of the way from there
             return
-        stood = _mean(self._stood)
-        if apart(now, stood, self.spans) > SAME:
-            if self._last is None or apart(stood, self._last, self.spans) > SAME:
-                self.log.passes(self._stood)
-            self._stood = []
+        stood, self._stood = self._stood, []
+        if stood and (self._last is None or apart(_mean(stood), self._last, self.spans) > SAME):
+            self.log.passes(stood)
+
+    def _set_out(self, samples: Sequence[Sample]) -> None:
+        """Keep where the hand was first, if it was still nowhere before its first pose."""
+        first = self.log.samples[:1]
+        nowhere = not (self.log.poses or self.log.passed)
+        # What an arm touches on its way is not known.
+        if self.hold.closed and nowhere and apart(_mean(first), _mean(samples), self.spans) > SAME:
+            self.log.passes(first)
+
+    def _begin_anew(self) -> None:
+        """Forget where the hand is: a pose was taken, or channels have other names."""
+        self.hold.clear()
+        self._dwell.clear()
+        self._stood = []
 
     def _say(self, message: str, *, elsewhere: bool = False) -> None:
         self.message, self.elsewhere = message, elsewhere
@@ -274,6 +284,7 @@ class Session:
     def _take(self, samples: Sequence[Sample]) -> None:
         label = self.next_label
         repeat = self._repeat()
+        self._set_out(samples)
         if repeat is not None:
             self.log.withdraw(repeat)
             self._means.pop(repeat, None)
@@ -284,8 +295,7 @@ class Session:
             self._save()
         self.log.pose(label, samples)
         self._means[label] = self._last = _mean(samples)
-        self.hold.clear()
-        self._stood = []
+        self._begin_anew()
         kept = ": it checks the closure and is not fitted" if self.log.held_out(label) else ""
         self.note = f"pose {label} is taken{kept}"
         self._say("")
@@ -305,7 +315,8 @@ class Session:
         self.handle.know(now.result)
         if now.sd is not None and (not self.course or self.course[-1][0] < len(self.log.poses)):
             self.course.append((len(self.log.poses), now.sd))
-        if now.result is not None:
+        if now.result is not None and now.measured is not None:
+            now.measured.to_csv(self.log.folder / "session.csv", whole=True)
             write_text(self.log.folder / "result.json", now.result.to_json())
         last = max(self.log.poses, default=0)
         if before is not None and before.sd and now.sd and not self.log.held_out(last):
@@ -420,6 +431,7 @@ class Session:
             self._recent.append(sample.values)
             if sample.time_s > last:
                 self.hold.feed(sample)
+                self._dwell.feed(sample)
 
     # ------------------------------------------------------------------ what is shown
 

@@ -25,6 +25,7 @@ __all__ = [
     "COLUMNS",
     "POSE",
     "TEXTS",
+    "USED",
     "ChannelLike",
     "Fault",
     "MechanismLike",
@@ -36,12 +37,16 @@ __all__ = [
 POSE = ("x", "y", "z", "rx", "ry", "rz")
 TEXTS = ("group", "at")
 TIME = "time_s"
+USED = "used"
 COLUMNS = {
     "pose": "Label of a held pose, a whole number; its rows are neighbours. Without this column "
     "every row is a pose of its own: a recording, or poses that were read once each.",
     "sample": "Number of the sample within its pose, a whole number; for messages.",
     TIME: "Time [s]. Without it, drift and slips are no candidates of a trace.",
     "temperature_c": "Temperature [°C]. Without it, effects of temperature are no candidates.",
+    USED: "1, or 0 in a row that is not used. Such a row stays part of the session: from where the "
+    "next pose was approached, what way was travelled, what time has passed. Without this column "
+    "all rows are used.",
     "group": "Text: the placement, or whatever `--fit-groups` chooses from.",
     "at": "Text: which unknown point is touched.",
     **{name: "Position of the platform where it is known [length unit]." for name in "xyz"},
@@ -287,6 +292,8 @@ def _unusable(
         return bad | ~(values > 0.0), "a distance above zero"
     if name in ("pose", "sample"):
         return ~((values == np.rint(values)) & (np.abs(values) < EXACT)), "an integer"
+    if name == USED:
+        return ~((values == 0.0) | (values == 1.0)), "0 or 1"
     if name == TIME:
         return bad, f"{expected} (seconds)"
     return bad, expected

@@ -22,6 +22,7 @@ from rsicalib.errors import InputError
 from rsicalib.io.cells import (
     POSE,
     TEXTS,
+    USED,
     Fault,
     MechanismLike,
     needed_columns,
@@ -104,6 +105,7 @@ class Readings(Samples, Tabular):
         poses: npt.ArrayLike | None = None,
         keys: Mapping[str, Sequence[str]] | None = None,
         columns: Mapping[str, npt.ArrayLike] | None = None,
+        used: npt.ArrayLike | None = None,
         source: str = "arrays",
         skip_bad_rows: bool = False,
     ) -> Readings:
@@ -125,6 +127,8 @@ class Readings(Samples, Tabular):
             Text columns that unknown points need.
         columns : mapping of str to array_like, shape (n,), optional
             Distances that closures need [length unit].
+        used : array_like of bool, shape (n,), optional
+            Rows that are used; the others stay part of the session, as `select` leaves them.
         source : str, optional
             What messages call these data.
         skip_bad_rows : bool, optional
@@ -143,6 +147,7 @@ class Readings(Samples, Tabular):
         names = [channel.name for channel in mechanism.channels]
         blocks: list[tuple[Sequence[str], object]] = [(names, values)]
         single = {"pose": pose, "sample": sample, "time_s": time_s, "temperature_c": temperature_c}
+        single["used"] = None if used is None else np.asarray(used, dtype=np.float64)
         given = {**single, **(columns or {}), **(keys or {})}
         blocks += [([name], cells) for name, cells in given.items() if cells is not None]
         if poses is not None:
@@ -188,7 +193,7 @@ class Readings(Samples, Tabular):
             part=Part(self.taken, rows(self.own)),
         )
 
-    def to_csv(self, path_or_file: str | os.PathLike[str] | TextIO) -> None:
+    def to_csv(self, path_or_file: str | os.PathLike[str] | TextIO, *, whole: bool = False) -> None:
         """Write the readings as a file that `load_readings` reads back unchanged.
 
         The file takes its place when everything is written.
@@ -197,11 +202,14 @@ class Readings(Samples, Tabular):
         ----------
         path_or_file : path or text file
             Path of the file, or an open file, which is left open.
+        whole : bool
+            Write the rows of the session that `select` has left out as well, with 0 in a column
+            `used`: what these readings have from them is read back, too.
         """
         if not isinstance(path_or_file, str | os.PathLike):
-            return self._write(path_or_file)
+            return self._write(path_or_file, whole=whole)
         with whole_file(path_or_file) as file:
-            self._write(file)
+            self._write(file, whole=whole)
 
     def csv(self) -> str:
         """The text of the file that `to_csv` writes."""
@@ -209,8 +217,9 @@ class Readings(Samples, Tabular):
         self._write(file)
         return file.getvalue()
 
-    def _write(self, file: TextIO) -> None:
-        table = {name: _written(cells) for name, cells in self._table().items()}
+    def _write(self, file: TextIO, *, whole: bool = False) -> None:
+        columns = self._whole_table() if whole else self._table()
+        table = {name: _written(cells) for name, cells in columns.items()}
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(table)
         writer.writerows(zip(*table.values(), strict=True))
@@ -225,6 +234,12 @@ class Readings(Samples, Tabular):
         if self.poses is not None:
             table |= {name: self.poses[:, k] for k, name in enumerate(POSE)}
         return table | {name: self.values[:, k] for k, name in enumerate(self.channels)}
+
+    def _whole_table(self) -> dict[str, Any]:
+        """The columns of the session as it was taken, and which of its rows these are."""
+        taken = self.taken
+        assert isinstance(taken, Readings)
+        return {USED: np.isin(np.arange(len(taken)), self.own).astype(int), **taken._table()}
 
     def __repr__(self) -> str:
         poses = f" of {self.n_poses} poses" if self.held else ", a recording"
@@ -349,10 +364,18 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
     )
     check_poses_are_together(readings)
     repeats, said = numbered(readings, mechanism)
-    warnings = [*ignored, *time_goes_back(readings), *said, *suspicions(readings, mechanism)]
-    return replace(
-        readings, warnings=tuple(warnings), repeats=None if repeats is None else frozen(repeats)
-    )
+    warnings = [*ignored, *time_goes_back(readings), *said]
+    readings = replace(readings, repeats=None if repeats is None else frozen(repeats))
+    if USED in free:
+        readings = _used(readings, column(USED) == 1.0)
+    return replace(readings, warnings=(*warnings, *suspicions(readings, mechanism)))
+
+
+def _used(readings: Readings, used: npt.NDArray[np.bool_]) -> Readings:
+    """The rows that are used, of the session that all are."""
+    if not used.any():
+        raise InputError.at(readings.source, column=USED, found="0 in every row", expected="a 1")
+    return readings if used.all() else readings.select(used)
 
 
 def _at_an_end(cells: Mapping[str, Any], mechanism: MechanismLike) -> dict[int, Fault]:
