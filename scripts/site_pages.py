@@ -15,7 +15,7 @@ from mkdocs.structure.files import File
 import rsicalib
 from rsicalib.report.page import mechanism_page
 
-__all__ = ["on_files", "on_page_markdown", "term_pages", "thumbnails"]
+__all__ = ["on_files", "on_page_content", "on_page_markdown", "term_pages", "thumbnails"]
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -59,6 +59,11 @@ def on_files(files: Any, config: Any, **_: Any) -> Any:
     for name, text in term_pages().items():
         files.append(File.generated(config, f"terms/{name}.md", content=text))
     return files
+
+
+def on_page_content(html: str, **_: Any) -> str:
+    """A head of a table without words is none."""
+    return re.sub(r"<th( [^>]*)?></th>", r"<td\1></td>", html)
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:

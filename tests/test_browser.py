@@ -19,6 +19,7 @@ from rsicalib.report.poses import poses_html
 from rsicalib.report.workspace import Shades
 from rsicalib.reproduction.document import Cell, Misprint, Paper, Row, Table
 from rsicalib.reproduction.page import html as paper_html
+from tests import pages
 from tests.browser import look, needs_chromium, sheets
 from tests.test_families import clean
 
@@ -210,6 +211,28 @@ def test_every_hypothesis_shows_its_residual_its_error_and_where_it_puts_the_pla
         np.testing.assert_allclose(
             state["dots"], expected, atol=0.05 * state["pixel"] + 0.006, rtol=0.0
         )
+
+
+KEPT = """
+const now = () => document.querySelector("[data-now]").textContent, choices =
+  [...document.querySelectorAll("#hypotheses input")], first = now();
+choices[0].click();
+choices[1].click();
+return [first, now()];
+"""
+
+
+def test_what_was_found_and_is_not_applied_is_shown_where_it_is_chosen(tmp_path: Path) -> None:
+    found = pages.SESSIONS["partly"]()
+    assert not any(step.applied for step in found.steps)
+    (first, chosen), errors = look(found.report(), KEPT, tmp_path)
+    assert errors == []
+    assert found.evidence is not None and found.after.check is not None
+    with_it = found.evidence.hypotheses[1]
+    assert with_it.kind == "found" and with_it.check is not None
+    assert shown_as(first, found.after.check.position_rms)
+    assert shown_as(chosen, with_it.check.position_rms)
+    assert with_it.check.position_rms < 0.5 * found.after.check.position_rms
 
 
 FOLLOWS = """

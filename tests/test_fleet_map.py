@@ -63,6 +63,18 @@ def test_the_map_has_the_farthest_devices_with_their_distances() -> None:
     assert f"{COUNT - MOST_DEVICES} more are nearer" in figure.caption
 
 
+def test_what_stands_out_comes_first_in_the_map_and_leads_to_its_report() -> None:
+    rows = drawn()
+    figure = map_figure(spreads(rows), rows, "device", ["no. 40", "no. 17"], {"no. 40": "a/1.html"})
+    assert figure is not None
+    for width in (NARROW, WIDE):
+        said = re.findall(r"<title>(no\. \d+), gain@a11", figure.draw(width))
+        assert said[:2] == ["no. 40", "no. 17"]
+        (linked,) = re.findall(r'<a href="(.*?)"><text[^>]*>(.*?)</text></a>', figure.draw(width))
+        assert linked == ("a/1.html", "no. 40")
+    assert "Those first that stand out, then those that are farthest" in figure.caption
+
+
 def test_what_is_not_known_is_no_dark_cell() -> None:
     """A device that could not be calibrated was a row of black cells."""
     rows = drawn()

@@ -30,7 +30,7 @@ STATE: dict[str, Any] = {
         "moves": [UP],
     },
     "course": [[0, 0.215], [1, 0.154], [2, 0.0981], [3, 0.0567], [4, 0.0339], [5, 0.0086]],
-    "silent_s": 0,
+    "silent": False,
     "ended": None,
     "channels": [
         {
@@ -124,6 +124,13 @@ def test_a_hand_that_is_still_where_nothing_is_taken_is_told_what_to_do(tmp_path
         said = page.replace("/* the state at first */", json.dumps(state))
         said, wrong = look(said, 'return document.getElementById("why").textContent;', tmp_path)
         assert (said, wrong) == (wanted, [])
+
+
+def test_where_no_sample_comes_no_way_to_a_pose_is_shown(tmp_path: Path) -> None:
+    """What was shown last is not where the handle is."""
+    order = {"word": "wait", "text": "no sample for 9 s", "trouble": None}
+    found = seen(tmp_path, silent=True, order=order)
+    assert found["ways"] == 0 and "no sample for 9 s" in found["order"]
 
 
 @pytest.mark.parametrize("word", ["stop", "go"])

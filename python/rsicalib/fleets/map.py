@@ -26,9 +26,15 @@ ROW, HEAD = 13.0, 92.0
 
 
 def map_figure(
-    spread: Sequence[Spread], rows: Mapping[str, Sequence[Any]], by: str
+    spread: Sequence[Spread],
+    rows: Mapping[str, Sequence[Any]],
+    by: str,
+    out: Sequence[str] = (),
+    links: Mapping[str, str] | None = None,
 ) -> Figure | None:
-    """Draw the devices that are farthest from the usual one; None where nothing is compared."""
+    """Draw the devices that stand `out`, in their order, then those that are farthest from the
+    usual one, with a link where there is one; None where nothing is compared.
+    """
     if not spread:
         return None
     labels = rows[by]
@@ -36,8 +42,11 @@ def map_figure(
     for one in spread:
         away = np.abs(one.distances(rows))
         harm = np.maximum(harm, np.where(np.isfinite(away), away, 0.0))
-    order = np.argsort(-harm, kind="stable")[:MOST_DEVICES].tolist()
-    names = [str(labels[device]) for device in order]
+    first = {device: k for k, device in enumerate(out)}
+    named = [str(label) for label in labels]
+    order = sorted(range(len(named)), key=lambda d: (first.get(named[d], len(out)), -harm[d]))
+    order = order[:MOST_DEVICES]
+    names = [named[device] for device in order]
     far: FloatArray = np.array([one.distances(rows)[order] for one in spread]).T
 
     def draw(width: float) -> str:
@@ -45,12 +54,13 @@ def map_figure(
         # On a desk what there is more of goes along the longer side.
         across = width == WIDE and len(names) > len(parameters)
         rows, columns = (parameters, names) if across else (names, parameters)
-        return _drawn(width, rows, columns, far.T if across else far, across=across)
+        cells = far.T if across else far
+        return _drawn(width, rows, columns, cells, links or {}, across=across)
 
     caption = (
         "Each cell is a parameter of a device: how far it is from the median of the fleet, in "
         "standard deviations of the usual device (of its own estimate, where that is larger). "
-        "Those first that are farthest"
+        f"Those first that {'stand out, then those that ' if out else ''}are farthest"
     )
     nearer = len(labels) - MOST_DEVICES
     caption += f"; {nearer} more are nearer." if nearer > 0 else "."
@@ -58,7 +68,13 @@ def map_figure(
 
 
 def _drawn(
-    width: float, rows: Sequence[str], columns: Sequence[str], far: FloatArray, *, across: bool
+    width: float,
+    rows: Sequence[str],
+    columns: Sequence[str],
+    far: FloatArray,
+    links: Mapping[str, str],
+    *,
+    across: bool,
 ) -> str:
     """A cell for each of `far`, shape (rows, columns); `across`: devices are columns."""
     left = min(max(map(width_of, rows)) + 10.0, 0.4 * width)
@@ -72,9 +88,11 @@ def _drawn(
             f'<text class="tick" transform="translate({x:.1f} {head - 6:.1f}) rotate(-90)">'
             f"{escape(shown)}</text>"
         )
+        _linked(canvas, links.get(name))
     for r, row in enumerate(rows):
         y = head + ROW * r
         canvas.text(left - 6.0, y + 10.0, fitted(row, left - 8.0), anchor="end")
+        _linked(canvas, links.get(row))
         for k, column in enumerate(columns):
             sd = float(far[r, k])
             said = f"{column}, {row}: " if across else f"{row}, {column}: "
@@ -82,6 +100,12 @@ def _drawn(
             canvas.rect(left + wide * k, y, wide - 0.5, ROW - 0.5, _kind(sd), said)
     _scale(canvas, left)
     return canvas.svg("devices by parameters, in standard deviations from the median")
+
+
+def _linked(canvas: Canvas, link: str | None) -> None:
+    """Make what was drawn last lead somewhere."""
+    if link is not None:
+        canvas.parts[-1] = f'<a href="{escape(link)}">{canvas.parts[-1]}</a>'
 
 
 def _kind(sd: float) -> str:

@@ -90,6 +90,8 @@ def page(
     """
     devices = list(dict.fromkeys(str(remark.device) for remark in out))
     listed = set(devices[:LISTED])
+    files = _files(rows, by, listed)
+    links = {**_links(files, at), **(reports or {})}
     good = "bad" if devices or misfit else "good"
     count = len(rows[by])
     sentence = f"{len(devices) or 'None'} of {count} devices stand{'s' * (len(devices) < 2)} out."
@@ -98,8 +100,10 @@ def page(
         f'<p class="verdict {good}">{escape(sentence)}</p>',
         *(f"<p>{escape(line)}</p>" for line in together),
         _verdicts(rows),
-        section("All at a glance", pictures([map_figure(spread, rows, by), _fits(rows)])),
-        _remarks(out, _found(rows, by, listed), _files(rows, by, listed), at, reports or {}),
+        section(
+            "All at a glance", pictures([map_figure(spread, rows, by, devices, links), _fits(rows)])
+        ),
+        _remarks(out, _found(rows, by, listed), files, links, len(reports or {})),
         _effects(rows),
         _parameters(spread, rows, by, mechanism),
         _differ(shifts, mechanism),
@@ -154,8 +158,8 @@ def _remarks(
     out: Sequence[Remark],
     found: Mapping[str, str],
     files: Mapping[str, str],
-    at: Path | None,
-    reports: Mapping[str, str],
+    links: Mapping[str, str],
+    reports: int,
 ) -> str:
     """A row for each device, with a link to its report, or else to its file where it has one."""
     by_device: dict[str, list[Remark]] = {}
@@ -175,13 +179,11 @@ def _remarks(
     more = len(by_device) - len(listed)
     heads = ("device", "verdict", "why", *(["file"] if files else []))
     words = "devices that stand out"
-    shown = table(
-        heads, listed, len(heads), words, long="why", links={**_links(files, at), **reports}
-    )
+    shown = table(heads, listed, len(heads), words, long="why", links=links)
     notes = [f"and {more} more"] * (more > 0)
     if reports:
         notes.append(
-            f"{counted(len(reports), 'report')} of single devices; --reports N writes more or fewer"
+            f"{counted(reports, 'report')} of single devices; --reports N writes more or fewer"
         )
     elif files:
         notes.append("rsicalib trace FILE --out FOLDER writes the report of one device")

@@ -503,7 +503,7 @@ class Session:
             "order": self._order(phase, troubles),
             "handle": self.handle.state(self.handle.pose(now), want, NEAR),
             "course": [list(step) for step in self.course],
-            "silent_s": int(time.monotonic() - self._heard),
+            "silent": self._silent_s() >= SILENT_S,
             "ended": self.ended,
             "channels": bars,
             "hold": self.hold.progress if asks else 0.0,
@@ -577,7 +577,7 @@ class Session:
         """The one thing to do where nothing is wrong."""
         if phase == "done":
             return {"word": "done", "text": f"{len(self.log.poses)} poses"}
-        silent = time.monotonic() - self._heard
+        silent = self._silent_s()
         if phase == "wait" or silent >= SILENT_S:
             text = f"no sample for {int(silent)} s" if silent >= SILENT_S else "for samples"
             return {"word": "wait", "text": text}
@@ -591,9 +591,13 @@ class Session:
         if wait_s > 0.0:
             return {"word": "wait", "text": f"{-(-wait_s // 60):.0f} min, then pose {label}"}
         if self.shaking is not None:
-            text = f"pose {label}: {self.shaking} shakes; go on holding, or take another pose"
-            return {"word": "go", "text": text}
+            text = f"pose {label}: {self.shaking} shakes; go on, or take another pose"
+            return {"word": "hold", "text": text}
         return {"word": "go", "text": f"to pose {label}{again}"}
+
+    def _silent_s(self) -> float:
+        """For how long no sample has come [s]."""
+        return time.monotonic() - self._heard
 
     def _broken(self) -> Trouble | None:
         """Why going on is of no use; None where it is."""

@@ -320,7 +320,8 @@ def _headline(result: ResultShape, evidence: Evidence | None) -> str:
     elif first is None and (error := _as_drawn(evidence)):
         first, drawn = error, " as drawn"
     old = "" if first is None else f"<del>{escape(first)}</del>{drawn} → "
-    now = f"<strong data-now>{escape(row.cells[2])}</strong> {escape(unit)}"
+    kept = "" if all(step.applied for step in steps) else " data-kept"
+    now = f"<strong data-now{kept}>{escape(row.cells[2])}</strong> {escape(unit)}"
     return f'<p class="headline">{old}{now} <span>off at {escape(row.at)} (rms)</span></p>'
 
 

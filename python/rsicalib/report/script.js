@@ -20,13 +20,16 @@
     cell.classList.toggle("changed", text !== before);
   };
 
+  let touched = false;
   const show = (fit, words) => {
     each("[data-error]", (cell) => {
       write(cell, fit.error[cell.dataset.error] || "–", full.error[cell.dataset.error] || "–");
     });
     each("[data-now]", (cell) => {
       const now = fit.error[3];
-      write(cell, now === full.error[3] ? cell.dataset.now : now || "–", cell.dataset.now);
+      // The calibration is without what was found and is not applied; what is chosen is with it.
+      const same = now === full.error[3] && !(touched && "kept" in cell.dataset);
+      write(cell, same ? cell.dataset.now : now || "–", cell.dataset.now);
     });
     [["value", 0], ["half", 1]].forEach(([kind, at]) => each(`[data-${kind}]`, (cell) => {
       const of = (one) => (one.parameters[cell.dataset[kind]] || ["–", "–"])[at];
@@ -79,7 +82,6 @@
     document.dispatchEvent(new CustomEvent("hypothesis", { detail: fit }));
   };
 
-  let touched = false;
   const switched = (event) => {
     touched = touched || Boolean(event);
     const number = boxes.reduce((sum, box) => sum + (box.checked ? 1 << box.dataset.bit : 0), 0);
@@ -136,7 +138,10 @@
   document.addEventListener("hypothesis", () => listed.forEach(([button, choice]) =>
     button.setAttribute("aria-pressed", choice.checked)));
   boxes.forEach((box) => box.addEventListener("change", switched));
-  choices.forEach((choice, k) => choice.addEventListener("change", () => choose(k)));
+  choices.forEach((choice, k) => choice.addEventListener("change", () => {
+    touched = true;
+    choose(k);
+  }));
   if (fader) fader.addEventListener("input", () => fade(true));
   boxes.forEach((box) => { box.checked = true; });
   if (boxes.length) switched();
