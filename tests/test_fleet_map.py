@@ -72,6 +72,7 @@ def test_what_stands_out_comes_first_in_the_map_and_leads_to_its_report() -> Non
         assert said[:2] == ["no. 40", "no. 17"]
         (linked,) = re.findall(r'<a href="(.*?)"><text[^>]*>(.*?)</text></a>', figure.draw(width))
         assert linked == ("a/1.html", "no. 40")
+        assert 'role="group"' in figure.draw(width)  # what is in a picture is not reached
     assert "Those first that stand out, then those that are farthest" in figure.caption
 
 

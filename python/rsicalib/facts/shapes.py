@@ -1127,7 +1127,7 @@ class Evidence(Record):
     channels: tuple[str, ...]
     """Names of the channels."""
     readings: tuple[tuple[float, ...], ...]
-    """Mean reading of each channel, pose by pose, in its unit; empty for a recording."""
+    """Mean reading of each channel, pose by pose, in its unit; empty for a long recording."""
     effects: tuple[EffectEvidence, ...]
     """One for each effect that was found, in the order of `steps`."""
     left: tuple[Score, ...]

@@ -252,8 +252,10 @@ class Canvas:
     def svg(self, words: str) -> str:
         """The `<svg>` element; `words` describe it to who cannot see it."""
         inner = "\n".join(self.parts)
+        # A picture is one thing; nothing in it could be reached.
+        role = "group" if "<a " in inner else "img"
         return (
-            f'<svg viewBox="0 0 {self.width:g} {self.height:g}" role="img" '
+            f'<svg viewBox="0 0 {self.width:g} {self.height:g}" role="{role}" '
             f'aria-label="{escape(words)}" xmlns="http://www.w3.org/2000/svg">\n{inner}\n</svg>'
         )
 

@@ -16,6 +16,7 @@ use crate::report::evidence::reliability::reliability;
 use crate::report::evidence::scores::scores;
 use crate::report::evidence::shapes::{EffectEvidence, Evidence};
 use crate::report::evidence::switchboard::{Full, switchboard};
+use crate::report::evidence::thinned::MOST_DOTS;
 use crate::report::evidence::workspace::workspace;
 use crate::report::result::Known;
 use crate::screening::excluded::Excluded;
@@ -92,7 +93,8 @@ fn of_fit(
         equations: equations(fit),
         poses: if readings.held { readings.labels.clone() } else { Vec::new() },
         channels: small.mechanism.channels.iter().map(|c| c.name.clone()).collect(),
-        readings: match readings.held {
+        // Of rows that are poses of their own, as long as each has a dot.
+        readings: match readings.held || readings.samples <= MOST_DOTS {
             true => readings
                 .table
                 .values

@@ -18,7 +18,7 @@ pub struct Evidence {
     pub poses: Vec<i64>,
     /// Names of the channels.
     pub channels: Vec<String>,
-    /// Mean reading of each channel, pose by pose, in its unit; empty for a recording.
+    /// Mean reading of each channel, pose by pose, in its unit; empty for a long recording.
     pub readings: Vec<Vec<f64>>,
     /// One for each effect that was found, in the order of `steps`.
     pub effects: Vec<EffectEvidence>,
