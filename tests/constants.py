@@ -1,13 +1,14 @@
 """What other values of constants that are only stated would do: `python -m tests.constants`.
 
 Builds the core once with `--cfg stated`, in which `RSICALIB_STATED` says another value of a
-constant. Each constant that `stated!` declares is halved and doubled; the devices of
-`tests.ablation` are traced with either, and what comes out right is compared, device by device,
-with the values as they stand. Prints a table: of how many anything is said otherwise, how many are
-lost and won, with the probability of as uneven a split by chance (sign test), and how many are
-explained by what they do not have. `--build FOLDER` leaves the package there, for other commands:
+constant. Each constant that `stated!` declares is halved, doubled and taken out (a value with which
+it does nothing); the devices of `tests.ablation` are traced with each, and what comes out right is
+compared, device by device, with the values as they stand. Prints a table: of how many anything is
+said otherwise, how many are lost and won, with the probability of as uneven a split by chance (sign
+test), and how many are explained by what they do not have. `--build FOLDER` leaves the package
+there, for other commands:
 
-    PYTHONPATH=FOLDER:. RSICALIB_STATED=sweeps=0 python -m tests.outside --kind outside
+    PYTHONPATH=FOLDER:. RSICALIB_STATED=degree=1 python -m tests.outside --kind outside
 """
 
 from __future__ import annotations
@@ -31,6 +32,24 @@ from scipy import stats
 ROOT = Path(__file__).parents[1]
 CORE = ROOT / "crates" / "rsicalib" / "src"
 DECLARED = re.compile(r"fn (\w+)\(\) -> (f64|usize|i32) = ([\d.e-]+);")
+
+OUT = {
+    "pause": "1e9",
+    "times_open": "1",
+    "wrong_beside": "0",
+    "more": "1",
+    "amplitudes": "1",
+    "room_least": "0",
+    "room_share": "0",
+    "largest_misclosure": "1e9",
+    "largest_effect": "1e9",
+    "degree": "1",
+    "degree_of_two": "1",
+    "law_amplitudes": "1",
+    "highest_order": "1",
+    "parts_of_formulas": "1",
+}
+"""Values with which a constant does nothing, or the least that it can."""
 
 
 @dataclass(frozen=True)

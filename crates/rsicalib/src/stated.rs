@@ -1,7 +1,7 @@
 //! Constants that somebody has stated and nobody has derived.
 //!
 //! `python -m tests.constants` measures what other values would do, in a build of its own with `--cfg stated`. There
-//! the environment says them: `RSICALIB_STATED` is `name=value`. Any other build has them as they stand.
+//! the environment says them: `RSICALIB_STATED` is `name=value`, or several with commas. Any other build has them as they stand.
 
 /// Declares such constants, as functions.
 macro_rules! stated {
@@ -30,6 +30,6 @@ macro_rules! stated {
 #[cfg(stated)]
 pub(crate) fn instead<T: std::str::FromStr<Err: std::fmt::Debug>>(name: &str, own: T) -> T {
     let said = std::env::var("RSICALIB_STATED").unwrap_or_default();
-    let other = said.split_once('=').filter(|(of, _)| *of == name);
-    other.map_or(own, |(_, value)| value.parse().expect(name))
+    let mut others = said.split(',').filter_map(|one| one.split_once('='));
+    others.find(|(of, _)| *of == name).map_or(own, |(_, value)| value.parse().expect(name))
 }

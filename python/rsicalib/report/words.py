@@ -66,7 +66,9 @@ OPEN = ("unexplained", "partly_explained")
 """Verdicts whose advice describes what is left."""
 
 NO_HELP = "nothing shows that it holds at other places"
-LESS_LIKELY = "a law that no term has is likelier in its place"
+LESS_LIKELY = (
+    "a law that no term has is likelier in its place, or as likely and of this session alone"
+)
 
 WORDS = {
     "sensor": "sensor {target}",

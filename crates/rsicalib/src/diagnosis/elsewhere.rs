@@ -105,14 +105,14 @@ pub fn elsewhere(
     // that leave something over or may stand for another.
     let noise = matches!(residual, Residual::Noise { .. } | Residual::Unjudged);
     let understood = noise && !found.iter().any(in_tie_with_surface);
-    let may = |effect: &Instance| match &again {
+    let may = |(effect, one): (&Instance, &Found)| match &again {
         Some((again, found)) => {
             let finds = |fit: &Fit| fit.model.instances.contains(effect);
             *again <= WORSE * without || found.iter().all(finds)
         }
-        None => understood && !effect.term.info().penalised,
+        None => understood && !effect.term.info().penalised && !traced.undone(one),
     };
-    let mut applies: Vec<bool> = effects.iter().map(may).collect();
+    let mut applies: Vec<bool> = effects.iter().zip(found).map(may).collect();
     let mut applied = with(&applies)?;
     let all = vec![true; effects.len()];
     let without_one = |some: &[bool], k: usize| {

@@ -113,6 +113,12 @@ impl Traced {
         Stretches::in_session(self.stretches.as_ref(), instance)
     }
 
+    /// True for an effect that is named and not applied, since a law that no term has stands in its place.
+    #[must_use]
+    pub fn undone(&self, effect: &Found) -> bool {
+        self.unknown.as_ref().is_some_and(|law| law.undoes(&effect.instance))
+    }
+
     /// True where something is to be explained: effects were found, more than noise is left, or a law that
     /// no term has is likelier than chance.
     #[must_use]

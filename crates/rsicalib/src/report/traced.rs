@@ -499,11 +499,9 @@ pub fn traced(
     Ok((report, traced))
 }
 
-/// Which effects are in what is likeliest of one session, which has nothing to predict: not those in
-/// whose place a law that no term has is likelier.
+/// Which effects are applied of one session, which has nothing to predict.
 fn likeliest(traced: &Traced) -> Vec<bool> {
-    let undone = |effect: &Instance| traced.unknown.as_ref().is_some_and(|law| law.undoes(effect));
-    traced.found.iter().map(|found| !undone(&found.instance)).collect()
+    traced.found.iter().map(|found| !traced.undone(found)).collect()
 }
 
 /// The fit with the effects that are applied.

@@ -96,8 +96,8 @@ impl UnknownLaw {
         self.better() || (self.replaces.is_empty() && self.behind < 0.0)
     }
 
-    /// True for an effect that is not in what is likeliest: the law stands in its place, and holds
-    /// nothing of it.
+    /// True for an effect that is not applied: in its place the law is likelier and holds nothing of it, or
+    /// does as well over what every session has anew, so that nothing says that another has the effect.
     #[must_use]
     pub fn undoes(&self, effect: &Instance) -> bool {
         // Plays of all widths hold the jump of a hysteresis, which is one of none, but not its price.
@@ -105,7 +105,9 @@ impl UnknownLaw {
             effect.term.info().needs == Needs::Approach && matches!(quantity, Quantity::Play(_))
         };
         let held = self.variables.iter().any(|(q, _)| is_over(effect, *q) || play(q));
-        self.behind < 0.0 && self.replaces.contains(effect) && !held
+        let anew = self.ties() && self.variables.iter().any(|(q, _)| q.begins_anew());
+        let less = self.behind < 0.0 || (anew && effect.term.info().needs != Needs::Order);
+        less && self.replaces.contains(effect) && !held
     }
 }
 

@@ -71,6 +71,12 @@ impl Quantity {
     pub fn of_way(self) -> bool {
         self.channel().is_some() && !matches!(self, Self::Theta(_) | Self::Torque(_))
     }
+
+    /// True for what is counted from the beginning of a session.
+    #[must_use]
+    pub fn begins_anew(self) -> bool {
+        matches!(self, Self::Time | Self::Travelled(_))
+    }
 }
 
 /// A variable in every sample that counts, and functions of it.
