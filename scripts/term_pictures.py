@@ -34,6 +34,8 @@ VARIABLES = {
     "temperature_gain": "temperature",
     "crosstalk": "neighbour",
     "lag": "velocity",
+    "drag": "velocity",
+    "servo": "acceleration",
     "channel_skew": "velocity",
 }
 """What a correction is drawn over, where that is not the reading."""
@@ -44,6 +46,7 @@ LABELS = {
     "temperature": "temperature [°C]",
     "neighbour": "reading of the neighbour [counts]",
     "velocity": "velocity [counts/s]",
+    "acceleration": "acceleration [counts/s²]",
 }
 
 SENSED = """
@@ -63,6 +66,9 @@ point = [
 ]
 closure = [{name = "rod", kind = "distance", between = ["one", "two"], value = 1.0}]
 """
+
+FOLLOWER = '{name = "follower", kind = "equal", between = ["b", "a"]}'
+"""A closure by which one joint is to be where the other is."""
 
 LIMBS = (
     "d = 0.35, alpha = 1.5707963",
@@ -127,7 +133,9 @@ def _table(values: FloatArray, **more: Any) -> dict[str, Any]:
 
 
 def _correction(term: Mapping[str, Any]) -> str:
-    mechanism = Mechanism(SENSED)
+    follows = term["id"] == "drag"
+    drawing = SENSED.replace("closure = [", f"closure = [{FOLLOWER}, ") if follows else SENSED
+    mechanism = Mechanism(drawing)
     kind = VARIABLES.get(term["id"], "reading")
     share = np.linspace(0.0, 1.0, ROWS)
     values = np.full((ROWS, 2), 2800.0)
@@ -139,10 +147,14 @@ def _correction(term: Mapping[str, Any]) -> str:
         values[:, 0] = x
     elif kind == "temperature":
         x = more["temperature"] = 10.0 + 20.0 * share
-    elif kind == "velocity":  # a swing, fastest in its middle
+    elif kind in ("velocity", "acceleration"):  # a swing, fastest in its middle
         more["time"] = 4.0 * share
         values[:, 1] = 2047.5 + 1500.0 * np.sin(np.pi * (share - 0.5))
         x = np.gradient(values[:, 1], more["time"])
+        if kind == "acceleration":
+            x = -((np.pi / 4.0) ** 2) * (values[:, 1] - 2047.5)
+        if follows:
+            values[:, 0] = values[:, 1]
     else:
         x = share
     if term["id"] == "hysteresis":  # up, and down again, as held poses

@@ -64,6 +64,48 @@ def test_a_joint_that_is_later_than_the_others_is_named_beside_them(seed: int) -
     assert is_near(told[NAME], 0.1) and is_near(told[ELBOW], 0.06)
 
 
+@pytest.mark.parametrize("seed", sized([711], [711, 712, 713]))
+def test_a_slow_servo_is_told_beside_a_delay(seed: int) -> None:
+    """In a steady motion the follower is late by both, 80 and 60 ms."""
+    found = rsicalib.trace(recording(seed, Truth(delay=0.08, servo=0.06)), "so101")
+    assert [(step.term, step.target) for step in found.steps] == [("lag", NAME), ("servo", NAME)]
+    assert is_near(lags(found)[NAME], 0.14)
+    (square,) = found.steps[1].parameters
+    # Noise that the file takes for that of a closure makes the square smaller by a tenth.
+    assert square.value == pytest.approx(0.06**2, abs=0.0003 + 4 * (square.sd or np.nan))
+    assert found.verdict == "explained"
+
+
+SHORT = [("drag", Truth(delay=0.14, short=1.5)), ("hysteresis", Truth(delay=0.14, play=1.5))]
+
+
+@pytest.mark.parametrize("seed", sized([714], [714, 715, 716]))
+@pytest.mark.parametrize(("term", "truth"), SHORT)
+def test_an_elbow_that_stands_short_is_no_delay_of_its_own(
+    term: str, truth: Truth, seed: int
+) -> None:
+    """Short while it moves is told from short at rest, too, as by a play."""
+    found = rsicalib.trace(recording(seed, truth), "so101")
+    assert set(lags(found)) == {NAME} and is_near(lags(found)[NAME], 0.14)
+    largest = max(found.steps[1:], key=lambda step: abs(step.parameters[0].value or 0.0))
+    assert (largest.term, largest.target) == (term, ELBOW)
+    # Rows over which a motion begins or turns blur it.
+    assert 0.7 < (largest.parameters[0].value or 0.0) < 1.6
+    assert found.verdict in ("explained", "partly_explained")
+
+
+@pytest.mark.parametrize("truth", [Truth(delay=0.14), Truth(delay=0.08, servo=0.06), Truth()])
+@pytest.mark.parametrize("seed", sized([717], [717, 718, 719]))
+def test_exchanged_followers_are_named_beside_a_delay(seed: int, truth: Truth) -> None:
+    rows = recording(seed, truth)
+    pan, roll = "follower_shoulder_pan", "follower_wrist_roll"
+    rows[pan], rows[roll] = rows[roll], rows[pan]
+    found = rsicalib.trace(rows, "so101")
+    (warning,) = [w for w in found.warnings if w.kind == "exchanged"]
+    assert warning.text.startswith(f"{pan} and {roll} look exchanged")
+    assert not found.steps
+
+
 def slow_noise(seed: int) -> dict[str, Array]:
     """No delay, and noise of a percent of which a row shares nearly all with the row before."""
     rows = recording(seed, Truth(noise=0.05))

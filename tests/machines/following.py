@@ -2,8 +2,8 @@
 
 A leader is led by hand: each joint goes from goal to goal, at rest between. The follower reads
 
-    g L(t - τ) + o, through a servo T, h short of its goal in the direction of motion, with a slip,
-    noise, and the steps of both encoders
+    g L(t - τ) + o, through a servo T, h short of its goal while that moves, or to one side of a
+    play, with a slip, noise, and the steps of both encoders
 
 in steps of a millisecond, of which every thirtieth or so is a row. Counted are recordings in which
 what is there is named, and in which something is named that is not there.
@@ -40,7 +40,9 @@ class Truth:
     servo: float = 0.0
     """Time constant [s]."""
     short: float = 0.0
-    """By what the elbow stands short of its goal [percent]."""
+    """By what the elbow stands short of its goal while that moves [percent]."""
+    play: float = 0.0
+    """Half of the play of the elbow, which moves when its goal has come to the other side."""
     slip: float = 0.0
     """Of the wrist's horn, in the middle [percent]."""
     noise: float = 0.3
@@ -60,6 +62,15 @@ def led(rng: np.random.Generator, fine: Array) -> Array:
     return out
 
 
+def in_play(goal: Array, half: float) -> Array:
+    """What is dragged along from both sides of a play."""
+    out, at = np.empty_like(goal), goal[0]
+    for k, to in enumerate(goal):
+        at = min(max(at, to - half), to + half)
+        out[k] = at
+    return out
+
+
 def recording(
     seed: int, truth: Truth, seconds: float = 15.0, rate: float = 30.0
 ) -> dict[str, Array]:
@@ -74,6 +85,8 @@ def recording(
         goal = np.interp(fine - delay, fine, leader)
         short = truth.short * (joint == "elbow_flex")
         goal = goal - short * np.sign(np.round(np.gradient(goal), 9))
+        if truth.play and joint == "elbow_flex":
+            goal = in_play(goal, truth.play)
         follower = goal.copy()
         if truth.servo:
             for k in range(1, len(goal)):
@@ -95,6 +108,7 @@ KINDS = {
     "a delay and one more of the elbow": Truth(delay=0.1, alone=0.06),
     "a delay and a slip": Truth(delay=0.14, slip=4.0),
     "a delay and an elbow that stands short": Truth(delay=0.14, short=1.5),
+    "a delay and an elbow with play": Truth(delay=0.14, play=1.5),
     "a delay and a servo": Truth(delay=0.08, servo=0.06),
 }
 
@@ -115,7 +129,7 @@ def report(kind: str, seeds: range, noise: float) -> Iterator[str]:
             f"{found.before.rms_misclosure:.2f} → {found.after.rms_misclosure:.2f}"
         )
         of_all = [s.parameters[0] for s in found.steps if (s.term, s.target) == ("lag", NAME)]
-        errors += [((p.value or 0.0) - truth.delay, p.sd or np.nan) for p in of_all]
+        errors += [((p.value or 0.0) - truth.delay - truth.servo, p.sd or np.nan) for p in of_all]
     if len(errors) > 1:
         off, sd = 1e3 * np.array(errors).T
         square = (off / sd) ** 2

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -157,17 +158,64 @@ def traced(folder: Path) -> Iterator[str]:
             )
 
 
+PAIR = """
+name = "{joint}"
+length_unit = "m"
+model = {{terms = ["offset@follower_{joint}", "gain@follower_{joint}"]}}
+[[closure]]
+name = "own"
+kind = "equal"
+between = ["leader_{joint}", "follower_{joint}"]
+noise = 0.3
+"""
+SIDE = """
+[[channel]]
+name = "{side}_{joint}"
+unit = "percent"
+gain = 1.0
+offset = 0.0
+range = [-100, 100]
+noise = 0.05
+"""
+"""A pair of one joint: as `so101` by itself, with the noise that pan and roll have."""
+
+
+def one_by_one(folder: Path) -> Iterator[str]:
+    """Lines of a table: what a trace says of each joint by itself."""
+    yield "| episode, joint | verdict | lag [ms] | servo, T² [ms²] | misclosure before, after |"
+    for file in sorted(folder.glob("teleop_*.csv")):
+        rows = np.genfromtxt(file, delimiter=",", names=True)[ARRIVED:]
+        for joint in JOINTS:
+            with tempfile.TemporaryDirectory() as work:
+                mechanism = Path(work) / "pair.toml"
+                sides = [SIDE.format(side=side, joint=joint) for side in ("leader", "follower")]
+                mechanism.write_text(PAIR.format(joint=joint) + "".join(sides), encoding="utf-8")
+                own = ("time_s", f"leader_{joint}", f"follower_{joint}")
+                found = rsicalib.trace({n: rows[n] for n in own}, mechanism, skip_bad_rows=True)
+            told = {step.term: step.parameters[0] for step in found.steps}
+            cells = [
+                f"{scale * (p.value or 0.0):.0f} ± {1.96 * scale * (p.sd or np.nan):.0f}"
+                if (p := told.get(term))
+                else "–"
+                for term, scale in (("lag", 1e3), ("servo", 1e6))
+            ]
+            yield (
+                f"| {file.stem[-1]}, {joint} | {found.verdict} | {' | '.join(cells)} | "
+                f"{found.before.rms_misclosure:.2f}, {found.after.rms_misclosure:.2f} |"
+            )
+
+
 def label(target: str) -> str:
     """All five followers by one word."""
     return "followers" if target.count("follower") == len(JOINTS) else target
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print all tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
     folder = parser.parse_args().data / "so101"
-    for line in (*table(folder), "", *traced(folder)):
+    for line in (*table(folder), "", *traced(folder), "", *one_by_one(folder)):
         print(line, flush=True)
 
 

@@ -4,6 +4,7 @@ use crate::estimate::Fit;
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::lanes::Lanes;
+use crate::readings::course::Followed;
 use crate::terms::term::{Acts, Over, Scale, Site};
 
 /// A curve.
@@ -60,7 +61,8 @@ pub fn curve(fit: &Fit, instance: &Instance, first: usize) -> Option<Curve> {
             approach: &still,
             velocity: &still,
             course: None,
-            late: [0.0; 2],
+            late: 0.0,
+            followed: Followed::default(),
             pose: Lanes::ZERO,
             place: instance.place,
         };

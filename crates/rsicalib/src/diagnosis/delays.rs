@@ -11,7 +11,9 @@
 //! ```
 //!
 //! with the residual `r` of equation `k` without, and `e'` with them, both in units of one noise. Each must pay for
-//! itself by (118), the one that explains most first. What else there is, is then searched for beside them.
+//! itself by (118), the one that explains most first. Slow servos, which have a delay of their own, are looked for
+//! beside delays; and what depends on the direction of motion, too, since a delay that stands for it alone is not kept.
+//! What else there is, is then searched for beside them.
 
 use crate::Error;
 use crate::diagnosis::options::{LEVEL, SearchOptions};
@@ -20,8 +22,9 @@ use crate::diagnosis::search::outcome::{FoundEffect, Searched};
 use crate::estimate::{Fit, Implicit, Observations, Part, fit};
 use crate::model::Instance;
 use crate::terms;
+use crate::terms::term::{Class, Needs, Placed, Term};
 
-/// Delays that were found, and the fit with them.
+/// Delays that were found, slow servos among them, and the fit with them.
 pub(crate) struct Delays {
     pub found: Vec<FoundEffect>,
     pub fit: Fit,
@@ -38,7 +41,7 @@ pub(crate) fn delays(
     clean: &Fit,
     base: &[Instance],
     options: &SearchOptions,
-    search: impl Fn(&Fit, &SearchOptions) -> Result<Searched, Error>,
+    search: impl Fn(&Fit, &[Instance], &SearchOptions) -> Result<Searched, Error>,
 ) -> Result<Option<Delays>, Error> {
     // Where only the fit gives the noise, all that is left is noise to it.
     let left = clean.p_value.is_none_or(|p| p <= LEVEL);
@@ -46,48 +49,121 @@ pub(crate) fn delays(
     if !left || !slow || !observations.readings.timed {
         return Ok(None);
     }
-    let mut alone = clean.clone();
-    (alone.noise.correlation, alone.noise.inflation, alone.noise.slow) = (0.0, 1.0, 1.0);
-    let others = terms::all(&observations.mechanism).into_iter();
-    let others = others.filter(|term| !term.is_delay()).map(|term| term.info().id.to_owned());
-    let without = others.chain(options.without.iter().cloned()).collect();
-    let mut found = search(&alone, &SearchOptions { without, ..options.clone() })?.found;
-
-    let with = |kept: &[FoundEffect], one: Option<&FoundEffect>| {
-        let effects = kept.iter().chain(one).map(|step| step.scored.instance);
-        fit(observations, base.iter().copied().chain(effects).collect(), Some(clean))
+    let explained = Changes { observations, clean, base };
+    let among = |from: &Fit, kept: &[FoundEffect], wanted: &dyn Fn(&dyn Term) -> bool| {
+        let mut alone = from.clone();
+        (alone.noise.correlation, alone.noise.inflation, alone.noise.slow) = (0.0, 1.0, 1.0);
+        let others = terms::all(&observations.mechanism).into_iter().filter(|term| !wanted(*term));
+        let others = others.map(|term| term.info().id.to_owned());
+        let without = others.chain(options.without.iter().cloned()).collect();
+        search(&alone, &explained.instances(kept), &SearchOptions { without, ..options.clone() })
     };
-    // The one that explains most comes first: what several joints have is not said of each of the others.
-    let mut kept: Vec<FoundEffect> = Vec::new();
-    let mut here = clean.clone();
-    while !found.is_empty() {
-        let before = changes(observations, &here, clean);
-        let mut best: Option<(f64, usize, Fit)> = None;
-        for (k, one) in found.iter().enumerate() {
-            let there = with(&kept, Some(one))?;
-            let score = before - changes(observations, &there, clean);
-            let left = score - charge(1.0, score) - of_places(one.scored.places);
-            if left > best.as_ref().map_or(0.0, |best| best.0) {
-                best = Some((left, k, there));
-            }
-        }
-        let Some((_, k, there)) = best else { break };
-        kept.push(found.remove(k));
-        here = there;
+    let sharp = |term: &dyn Term| term.is_late() && !term.cuts_corners();
+    let found = among(clean, &[], &sharp)?.found;
+    let (kept, here) = explained.kept(Vec::new(), clean.clone(), found)?;
+    if kept.is_empty() {
+        return Ok(None);
+    }
+    // What a servo does is to a delay what its second order is to its first; and what depends on the direction,
+    // or happens at once, looks like a delay until it is there.
+    let sudden =
+        |term: &dyn Term| term.placed() == Placed::AtPose && term.info().class != Class::Data;
+    let of_way = |term: &dyn Term| term.needs().into_iter().any(Needs::of_way) && !sharp(term);
+    let beside = |term: &dyn Term| of_way(term) || sudden(term);
+    let found = among(&here, &kept, &beside)?.found;
+    let (kept, here) = explained.kept(kept, here, found)?;
+    let (mut kept, mut here) = explained.needed(kept, here)?;
+    if kept.iter().any(|step| !step.scored.instance.term.is_late()) {
+        kept.retain(|step| step.scored.instance.term.is_late());
+        here = explained.with(&kept, None)?;
     }
     for k in 0..kept.len() {
         let one = kept.remove(k);
-        let without = with(&kept, None)?;
+        let without = explained.with(&kept, None)?;
         kept.insert(k, FoundEffect { without, ..one });
     }
     Ok((!kept.is_empty()).then_some(Delays { found: kept, fit: here }))
+}
+
+/// Effects by how they explain what changes from row to row.
+struct Changes<'a> {
+    observations: &'a Observations,
+    clean: &'a Fit,
+    base: &'a [Instance],
+}
+
+impl Changes<'_> {
+    fn instances(&self, kept: &[FoundEffect]) -> Vec<Instance> {
+        self.base.iter().copied().chain(kept.iter().map(|step| step.scored.instance)).collect()
+    }
+
+    fn with(&self, kept: &[FoundEffect], one: Option<&FoundEffect>) -> Result<Fit, Error> {
+        let one = one.map(|one| one.scored.instance);
+        let instances = self.instances(kept).into_iter().chain(one).collect();
+        fit(self.observations, instances, Some(self.clean))
+    }
+
+    /// What an effect is worth between the fit without it and the fit with it: above zero it pays.
+    fn worth(&self, one: &FoundEffect, without: &Fit, with: &Fit) -> f64 {
+        let of = |fit: &Fit| changes(self.observations, fit, self.clean);
+        let score = of(without) - of(with);
+        score - charge(1.0, score) - of_places(one.scored.places)
+    }
+
+    /// The effects that pay beside those that are kept. The one that explains most comes first: what several
+    /// joints have is not said of each of the others.
+    fn kept(
+        &self,
+        mut kept: Vec<FoundEffect>,
+        mut here: Fit,
+        mut found: Vec<FoundEffect>,
+    ) -> Result<(Vec<FoundEffect>, Fit), Error> {
+        while !found.is_empty() {
+            let mut best: Option<(f64, usize, Fit)> = None;
+            for (k, one) in found.iter().enumerate() {
+                let there = self.with(&kept, Some(one))?;
+                let left = self.worth(one, &here, &there);
+                if left > best.as_ref().map_or(0.0, |best| best.0) {
+                    best = Some((left, k, there));
+                }
+            }
+            let Some((_, k, there)) = best else { break };
+            kept.push(found.remove(k));
+            here = there;
+        }
+        Ok((kept, here))
+    }
+
+    /// Those of them that still pay beside all others, the one that pays least judged first.
+    fn needed(
+        &self,
+        mut kept: Vec<FoundEffect>,
+        mut here: Fit,
+    ) -> Result<(Vec<FoundEffect>, Fit), Error> {
+        while kept.len() > 1 {
+            let mut least: Option<(f64, usize, Fit)> = None;
+            for k in 0..kept.len() {
+                let one = kept.remove(k);
+                let without = self.with(&kept, None)?;
+                let worth = self.worth(&one, &without, &here);
+                kept.insert(k, one);
+                if worth <= least.as_ref().map_or(0.0, |least| least.0) {
+                    least = Some((worth, k, without));
+                }
+            }
+            let Some((_, k, without)) = least else { break };
+            kept.remove(k);
+            here = without;
+        }
+        Ok((kept, here))
+    }
 }
 
 /// Rows that count and that a fit's delays put at an instant beyond an end of the recording, or in a pause: what
 /// belongs to them was not read, and the line that stands in its place would be an effect of its own.
 pub(crate) fn beyond(observations: &Observations, fit: &Fit) -> Vec<usize> {
     let Observations { readings, weights, .. } = observations;
-    let of = |channel: usize| fit.model.delays(&fit.beta, channel, 0)[1];
+    let of = |channel: usize| fit.model.late(&fit.beta, channel, 0)[1].lag;
     let ends = (0..readings.channels).map(of).fold([0.0_f64; 2], |[a, b], d| [a.min(d), b.max(d)]);
     if ends == [0.0; 2] {
         return Vec::new();

@@ -123,7 +123,7 @@ fn smallest_length(mechanism: &Mechanism) -> f64 {
 /// The parameter of an effect that is beyond all proportion, if there is one.
 fn oversized(fit: &Fit, mechanism: &Mechanism, instance: &Instance) -> Option<Absurdity> {
     // A compliance has no size of its own, since what it does depends on the torque; nor has a delay.
-    if instance.term.is_load() || instance.term.is_delay() {
+    if instance.term.is_load() || instance.term.is_late() {
         return None;
     }
     let at = fit.model.instances.iter().position(|i| i == instance)?;

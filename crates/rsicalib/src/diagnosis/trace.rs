@@ -206,11 +206,17 @@ enum Scope {
 }
 
 /// True where the readings are not of this mechanism as it is declared, and are with a mistake of the wiring
-/// or of a unit undone: that is said, and the search, which would take its longest, has nothing to add.
+/// or of a unit undone: that is said, and the search, which would take its longest, has nothing to add. A follower
+/// that is held against another leader is not absurd, and nothing that is found of it means anything.
 fn is_miswired(observations: &Observations, fit: &Fit) -> bool {
     let undone = |it: &Suspicion| it.of_wiring() && !it.is_no_start();
+    let follower = |channel: &usize| observations.mechanism.leader_of(*channel).is_some();
+    let mixed = |it: &Suspicion| match it {
+        Suspicion::Exchanged { channels, .. } => channels.iter().all(follower),
+        _ => false,
+    };
     let told = fit.warnings.iter().any(undone);
-    told && !absurdities(observations, fit, &[]).is_empty()
+    told && (fit.warnings.iter().any(mixed) || !absurdities(observations, fit, &[]).is_empty())
 }
 
 /// The search and what comes of it; and whether its fit was absurd before it began.
@@ -235,8 +241,8 @@ fn explain(
     progress.enter(Stage::Search);
     let mut late = Vec::new();
     if wanted {
-        let one = |from: &Fit, options: &SearchOptions| {
-            Ok(search_once(&observations, from, &base, options, true)?.searched)
+        let one = |from: &Fit, base: &[Instance], options: &SearchOptions| {
+            Ok(search_once(&observations, from, base, options, true)?.searched)
         };
         if let Some(Delays { found, fit }) = delays(&observations, &clean, &base, search, one)? {
             base.extend(found.iter().map(|step| step.scored.instance));

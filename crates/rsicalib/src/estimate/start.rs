@@ -89,7 +89,14 @@ fn suspected(search: &StartSearch<'_>, best: Option<&End>) -> Option<Suspected> 
     }
     let score = best.map_or(f64::INFINITY, |end| end.score);
     let doubtful = score >= options.good_start && enough(search, 0);
-    doubtful.then(|| miswired::by_start(search, score))?
+    if !doubtful {
+        return None;
+    }
+    let beside_a_delay = || {
+        let suspicion = miswired::by_motion(search, score)?;
+        Some(Suspected { suspicion, end: None })
+    };
+    miswired::by_start(search, score).or_else(beside_a_delay)
 }
 
 /// True where poses and `known` equations beside them are half as many again as there are

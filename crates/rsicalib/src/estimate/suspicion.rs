@@ -17,6 +17,8 @@ pub enum Suspicion {
         channels: [usize; 2],
         /// How well the loop closes with it.
         closes: Closes,
+        /// True where it closes so beside a delay of all followers.
+        late: bool,
     },
     /// The gap of a potentiometer's track lies within the range of motion.
     Gap {

@@ -99,13 +99,34 @@ impl Mechanism {
     #[must_use]
     pub fn sides(&self) -> Vec<Target> {
         let chains = (0..self.chains.len()).map(|chain| self.channels_of(chain));
-        let equal = self.closures.iter().filter(|closure| closure.is_of_channels());
-        let second = |closure: &Closure| self.channel_index(&closure.between[1]).ok();
-        let mut followers: Vec<usize> = equal.filter_map(second).collect();
+        let mut followers: Vec<usize> = self.equal_channels().iter().map(|pair| pair[1]).collect();
         followers.sort_unstable();
         followers.dedup();
         let several = chains.chain([followers]).filter(|channels| channels.len() > 1);
         several.filter_map(Target::together).collect()
+    }
+
+    /// True for a channel that stands first in every closure that reads it, as a leader's do: what is late is
+    /// said of those that follow.
+    pub(crate) fn leads(&self, channel: usize) -> bool {
+        let own = &self.channels[channel].name;
+        let mut read = self.closures.iter().filter(|c| c.between.contains(own)).peekable();
+        let first = |c: &Closure| c.is_of_channels() && c.between[0] == *own;
+        !self.moves_joint(channel) && read.peek().is_some() && read.all(first)
+    }
+
+    /// The channel that a channel is to be equal to, as a follower to its leader.
+    pub(crate) fn leader_of(&self, channel: usize) -> Option<usize> {
+        let pairs = self.equal_channels().into_iter();
+        pairs.filter(|pair| pair[1] == channel).map(|pair| pair[0]).next()
+    }
+
+    /// Every two channels that a closure holds equal, the leader first.
+    pub(crate) fn equal_channels(&self) -> Vec<[usize; 2]> {
+        let equal = self.closures.iter().filter(|closure| closure.is_of_channels());
+        let number = |name: &String| self.channel_index(name).ok();
+        let pair = |c: &Closure| Some([number(&c.between[0])?, number(&c.between[1])?]);
+        equal.filter_map(pair).collect()
     }
 
     /// True for two channels that a closure holds equal.

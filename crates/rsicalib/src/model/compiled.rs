@@ -12,6 +12,7 @@ use crate::model::law_at::LawAt;
 use crate::model::numbering::{Owned, Unknown};
 use crate::model::prior::Prior;
 use crate::numerics::lanes::{Lanes, Vec3};
+use crate::readings::course::Followed;
 use crate::readings::{Block, Readings};
 use crate::terms::term::{Electronics, Role, Scale, Sensor, Site, Surface};
 
@@ -271,7 +272,8 @@ impl Model {
             approach,
             velocity,
             course: readings.course(block).filter(|_| self.moving),
-            late: [0.0; 2],
+            late: 0.0,
+            followed: Followed::default(),
             pose: meta.pose,
             place: 0,
         }

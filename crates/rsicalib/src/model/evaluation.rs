@@ -30,6 +30,8 @@ use crate::model::lean::Lean;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
 use crate::readings::Readings;
+use crate::readings::course::{Followed, Late, Moved};
+use crate::terms::term::Site;
 
 /// True for the parameters of a term that changes nothing: a law that every term keeps. Most terms
 /// of a model that looks for what is missing are so, and cost their derivatives only.
@@ -149,6 +151,7 @@ impl Model {
         let meta = &readings.blocks()[block];
         let mut site = self.site(readings, block, a);
         let mut out = [Lanes::ZERO; MOST_PARAMETERS];
+        let mut moved = Vec::new();
 
         ws.corrected.clear();
         ws.corrected.extend_from_slice(a);
@@ -162,8 +165,8 @@ impl Model {
             site.place = e.place;
             let channel = e.channel;
             site.channel = channel;
-            if e.term.is_delay() {
-                site.late = self.delays(beta, channel, e.first);
+            if let Some(own) = e.term.late(p) {
+                site.followed = self.followed(&site, beta, (e.first, own), want.x, &mut moved);
             }
             let row = &mut ws.mix[channel * channels..(channel + 1) * channels];
             match e.session.map(|s| meta.within(s)) {
@@ -204,6 +207,9 @@ impl Model {
             let p = &beta[s.first..s.first + s.width];
             site.channel = s.channel;
             site.place = s.place;
+            if !moved.is_empty() {
+                site.late = self.late(beta, s.channel, 0)[1].lag;
+            }
             let within = s.session.map_or(Lanes::ONE, |s| meta.within(s));
             if !absent(p) {
                 ws.angles[s.channel] += s.term.correction(p, &site) * within;
@@ -220,13 +226,42 @@ impl Model {
         }
     }
 
-    /// The delays of a channel by the terms before the one with this parameter, and by all.
-    pub(crate) fn delays(&self, beta: &[f64], channel: usize, before: usize) -> [f64; 2] {
-        let own = self.electronics.iter().filter(|e| e.channel == channel && e.term.is_delay());
-        own.fold([0.0; 2], |[sum, all], e| {
-            let lag = beta[e.first];
-            [if e.first < before { sum + lag } else { sum }, all + lag]
+    /// How a channel follows by the terms before the one with this parameter, and by all.
+    pub(crate) fn late(&self, beta: &[f64], channel: usize, before: usize) -> [Late; 2] {
+        let own = self.electronics.iter().filter(|e| e.channel == channel);
+        own.fold([Late::default(); 2], |[sum, all], e| {
+            let late = e.term.late(&beta[e.first..e.first + e.width]).unwrap_or_default();
+            [if e.first < before { sum + late } else { sum }, all + late]
         })
+    }
+
+    /// What the samples of a channel followed, by its term with a parameter and those before it. Most are asked
+    /// for by several terms: what was found is kept in `moved`.
+    fn followed(
+        &self,
+        site: &Site,
+        beta: &[f64],
+        (first, own): (usize, Late),
+        derivatives: bool,
+        moved: &mut Vec<(usize, Late, Moved)>,
+    ) -> Followed {
+        let Some(course) = site.course else { return Followed::default() };
+        let channel = site.channel;
+        let [before, all] = self.late(beta, channel, first);
+        // Where one of them asks for time constants, all do: two ways to write zero are one.
+        let none = Late { lag: 0.0, square: all.square.map(|_| 0.0) };
+        let mut to = |late: Late| {
+            let kept = moved.iter().find(|(c, l, _)| (*c, *l) == (channel, late));
+            let kept = kept.map(|(.., to)| *to);
+            kept.unwrap_or_else(|| {
+                let to = course.moved(channel, late);
+                moved.push((channel, late, to));
+                to
+            })
+        };
+        let all = derivatives.then(|| to(all + none));
+        let mut unless_nothing = |late: Late| (!late.is_nothing()).then(|| to(late + none));
+        Followed { before: unless_nothing(before), with: unless_nothing(before + own), all }
     }
 
     /// Eq. (43): joints give under gravity.

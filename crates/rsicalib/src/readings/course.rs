@@ -19,6 +19,18 @@
 //! ```text
 //! a_j(lag) = a_j + s(t_j + lag) - s(t_j),    V = Σ_k (δ_jk + c_k(t_j + lag) - c_k(t_j))²    (164)
 //! ```
+//!
+//! What follows its goal by degrees, with the time constant `T`, is where `y + T y'` is its goal. In a steady
+//! motion it is late by `T`. Of what is late by `lag` in all, the goal is `y(t + lag - T) + T y'(t + lag - T)`,
+//! and that is beside (164)
+//!
+//! ```text
+//! E(t + lag),   E(t) = P(t - T) + T P'(t - T) - P(t),   ∂E/∂T² = -½ P''(t - T)              (157)
+//! ```
+//!
+//! blended as (165). `P` is of the reach, up to [`FARTHEST`], by which *polynomials of fourth degree* predict the rows
+//! best: what `E` errs by where they err is a small part of it, and what noise makes of `P''` is not. `E` begins as the
+//! square of `T`, and of `-T²` it is the opposite.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -26,6 +38,7 @@ use std::sync::OnceLock;
 
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::numerics::median::median;
+use crate::readings::context::direction;
 use crate::readings::table::Table;
 
 /// Rows to either side of a polynomial at the most.
@@ -34,8 +47,8 @@ const FARTHEST: usize = 8;
 /// Rows of a polynomial at the most.
 const MOST: usize = 2 * FARTHEST + 1;
 
-/// Reach at the least: five rows, of which a parabola does not pass through each.
-const NEAREST: usize = 2;
+/// Standard deviations by which a velocity is beyond noise.
+const SURE: f64 = 3.0;
 
 /// Coefficients of a course's polynomials, and of those by which reaches are compared.
 const QUARTIC: usize = 5;
@@ -59,8 +72,13 @@ const COMPARED: usize = 4096;
 pub(crate) struct Courses {
     /// First row of the run without a pause in which each row is, and the row after its last.
     run: Vec<[u32; 2]>,
-    /// Reach of the polynomials of each channel.
+    /// Reach of the polynomials of each channel, and of those that have accelerations.
     reach: Vec<usize>,
+    bent: Vec<usize>,
+    /// By what parabolas without a row are off there, root mean square: the noise of each channel.
+    noise: Vec<f64>,
+    /// From which side each channel came to each row, told when first asked for.
+    sides: Vec<OnceLock<Vec<f64>>>,
     /// Polynomials about each row by their reach: instants alone tell them.
     locals: [OnceLock<Vec<Local>>; FARTHEST + 1],
 }
@@ -78,37 +96,94 @@ pub(crate) struct CourseAt<'a> {
     pub(super) of_many: bool,
 }
 
+/// How a channel follows what it is to follow.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Late {
+    /// By what it is late in a steady motion \[s\].
+    pub lag: f64,
+    /// Square of the time constant that is part of it \[s²\]; none where nobody asks.
+    pub square: Option<f64>,
+}
+
+impl Late {
+    /// True where readings are those of their own instant.
+    pub(crate) fn is_nothing(self) -> bool {
+        self.lag == 0.0 && self.square.is_none_or(|square| square == 0.0)
+    }
+}
+
+impl std::ops::Add for Late {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        let square = match (self.square, other.square) {
+            (Some(own), Some(other)) => Some(own + other),
+            (own, other) => own.or(other),
+        };
+        Self { lag: self.lag + other.lag, square }
+    }
+}
+
+/// A sum over rows, and its derivatives by the two of [`Late`].
+pub(crate) type Sum<T> = [T; 3];
+
 /// What eight samples become at another instant.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Moved {
-    /// By how much a channel reads more there, and its velocity.
-    pub change: Lanes,
-    pub velocity: Lanes,
-    /// Standard deviation there of readings of unit noise, (164), and its derivative by the instant.
-    pub spread: Lanes,
-    pub spreads: Lanes,
+    /// By how much a channel reads more there.
+    pub change: Sum<Lanes>,
+    /// Standard deviation there of readings of unit noise, (164).
+    pub spread: Sum<Lanes>,
     /// What was read in these rows.
     pub raw: Lanes,
 }
 
+/// What the samples of a channel followed, by some of its effects; none where that is themselves.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Followed {
+    /// By the effects before one.
+    pub before: Option<Moved>,
+    /// By that one as well.
+    pub with: Option<Moved>,
+    /// By all, with derivatives.
+    pub all: Option<Moved>,
+}
+
 impl CourseAt<'_> {
-    /// The samples of a channel `later` seconds after each.
-    pub fn moved(&self, channel: usize, later: f64) -> Moved {
+    /// In which direction a channel moves: -1, 0 or 1; 0 where it moves by less than `still` over the rows that tell
+    /// its velocity.
+    pub fn direction(&self, channel: usize, still: f64) -> Lanes {
         let courses = self.courses.get_or_init(|| Courses::of(self.table, self.channels));
-        let zero = Lanes::ZERO;
-        let mut all =
-            Moved { change: zero, velocity: zero, spread: zero, spreads: zero, raw: zero };
-        let mut last = [0.0; 4];
+        Lanes(self.rows.map(|row| {
+            let (change, _) = courses.step(self.table, row, channel);
+            direction(change, still)
+        }))
+    }
+
+    /// From which side a channel came to where it is `later` seconds after each sample: at rest, that of its last
+    /// motion.
+    pub fn side(&self, channel: usize, later: f64, still: f64) -> Lanes {
+        let courses = self.courses.get_or_init(|| Courses::of(self.table, self.channels));
+        Lanes(self.rows.map(|row| courses.side(self.table, [row, channel], later, still)))
+    }
+
+    /// The samples of a channel as what it followed.
+    pub fn moved(&self, channel: usize, late: Late) -> Moved {
+        let courses = self.courses.get_or_init(|| Courses::of(self.table, self.channels));
+        let zero = [Lanes::ZERO; 3];
+        let mut all = Moved { change: zero, spread: zero, raw: Lanes::ZERO };
+        let mut last = [[0.0; 3]; 2];
         for (lane, &row) in self.rows.iter().enumerate() {
             if lane == 0 || row != self.rows[lane - 1] {
-                last = courses.moved(self.table, row, channel, later);
+                last = courses.moved(self.table, row, channel, late);
                 // What is read in a stretch is the mean of many rows, of which noise from row to row is no part.
                 if self.of_many {
-                    (last[2], last[3]) = (1.0, 0.0);
+                    last[1] = [1.0, 0.0, 0.0];
                 }
             }
-            let to = [&mut all.change, &mut all.velocity, &mut all.spread, &mut all.spreads];
-            to.into_iter().zip(last).for_each(|(to, value)| to.0[lane] = value);
+            for (to, values) in [&mut all.change, &mut all.spread].into_iter().zip(last) {
+                to.iter_mut().zip(values).for_each(|(to, value)| to.0[lane] = value);
+            }
             all.raw.0[lane] = self.table.values[row * self.channels + channel];
         }
         all
@@ -120,8 +195,14 @@ impl Courses {
     pub fn of(table: &Table, channels: usize) -> Self {
         let run = runs(table);
         let locals = [const { OnceLock::new() }; FARTHEST + 1];
-        let mut courses = Self { run, reach: vec![FARTHEST; channels], locals };
-        courses.reach = (0..channels).map(|c| courses.best_reach(table, c)).collect();
+        let (reach, bent) = (vec![FARTHEST; channels], vec![FARTHEST; channels]);
+        let (noise, sides) = (vec![0.0; channels], vec![OnceLock::new(); channels]);
+        let mut courses = Self { run, reach, bent, noise, sides, locals };
+        let best = |terms| -> (Vec<usize>, Vec<f64>) {
+            (0..channels).map(|c| courses.best_reach(table, c, terms)).unzip()
+        };
+        let ((reach, noise), (bent, _)) = (best(PARABOLA), best(QUARTIC));
+        (courses.reach, courses.noise, courses.bent) = (reach, noise, bent);
         courses
     }
 
@@ -132,46 +213,107 @@ impl Courses {
         (time[start]..=time[end - 1]).contains(&(time[row] + later))
     }
 
-    /// Change, velocity, and the spread of (164) with its derivative.
-    fn moved(&self, table: &Table, row: usize, channel: usize, later: f64) -> [f64; 4] {
-        let Some(time) = &table.time else { return [0.0, 0.0, 1.0, 0.0] };
+    /// By what a channel moves over the rows that tell its velocity, and the standard deviation of that by noise.
+    fn step(&self, table: &Table, row: usize, channel: usize) -> (f64, f64) {
+        let Some(time) = &table.time else { return (0.0, 0.0) };
+        let local = self.local(time, row, self.reach[channel]);
+        let mut weights = Weights::from(local.first);
+        weights.add(&local, [ZERO, local.basis(0.0)[1], ZERO]);
+        let value = |row: usize| table.values[row * self.reach.len() + channel];
+        // Weights sum to zero: what all rows have in common would only round.
+        let (velocity, square) =
+            weights.rows().fold((0.0, 0.0), |(sum, square), (k, [_, w, _])| {
+                (sum + w * (value(k) - value(row)), square + w * w)
+            });
+        let long = time[local.end - 1] - time[local.first];
+        (velocity * long, self.noise[channel] * square.sqrt() * long)
+    }
+
+    /// The side from which a channel came to the last row before an instant.
+    fn side(&self, table: &Table, [row, channel]: [usize; 2], later: f64, still: f64) -> f64 {
+        let Some(time) = &table.time else { return 0.0 };
+        let [start, end] = self.run[row].map(|row| row as usize);
+        let at = start + time[start..end].partition_point(|t| *t <= time[row] + later);
+        let sides = self.sides[channel].get_or_init(|| {
+            let mut last = (usize::MAX, 0.0);
+            let of_row = |row: usize| {
+                let session = table.session_of(row);
+                let (change, noise) = self.step(table, row, channel);
+                let side = match direction(change, still.max(SURE * noise)) {
+                    0.0 if last.0 == session => last.1,
+                    side => side,
+                };
+                last = (session, side);
+                side
+            };
+            (0..time.len()).map(of_row).collect()
+        });
+        sides[at.saturating_sub(1).max(start)]
+    }
+
+    /// Change and the spread of (164), of a row that becomes what it followed.
+    fn moved(&self, table: &Table, row: usize, channel: usize, late: Late) -> [Sum<f64>; 2] {
+        let Some(time) = &table.time else { return [[0.0; 3], [1.0, 0.0, 0.0]] };
         let reach = self.reach[channel];
         let own = self.local(time, row, reach);
-        let [here, speed] = own.basis(0.0);
-        let sum = |mut of_own: Weights, others: Weights| {
-            let still = later == 0.0;
-            let (value, slope) = if still { (ZERO, speed) } else { (here.map(|v| -v), ZERO) };
-            of_own.add(&own, value, slope);
-            let value = |row: usize| table.values[row * self.reach.len() + channel];
-            of_own.with(&others, row, value)
-        };
-        if later == 0.0 {
-            return sum(Weights::from(own.first), Weights::from(row));
-        }
+        let [here, speed, _] = own.basis(0.0);
+        let at = time[row] + late.lag;
         let [start, end] = self.run[row].map(|row| row as usize);
-        let at = time[row] + later;
         let after = start + time[start..end].partition_point(|t| *t <= at);
-        if after == start || after == end {
+        let beyond = after == start || after == end;
+        let near = if beyond { row } else { after - 1 };
+        let bent = late.square.filter(|_| !beyond).map(|square| (square, self.bent[channel]));
+        let first = |reach: usize| self.about_rows(near, reach).start;
+        let mut others =
+            Weights::from(bent.map_or(first(reach), |(_, r)| first(r).min(first(reach))));
+        let mut of_own = Weights::from(own.first);
+        if late.lag == 0.0 {
+            of_own.add(&own, [ZERO, speed, ZERO]);
+        } else {
+            of_own.add(&own, [here.map(|v| -v), ZERO, ZERO]);
+        }
+        if beyond && late.lag != 0.0 {
             let edge = if after == start { start } else { end - 1 };
             let (last, line) =
                 (self.local(time, edge, reach), self.about(time, edge, reach, PARABOLA));
-            let ([value, _], [_, slope]) = (last.basis(0.0), line.basis(0.0));
-            let mut others = Weights::from(last.first);
-            others.add(&last, value, ZERO);
-            others.add(&line, slope.map(|s| s * (at - time[edge])), slope);
-            return sum(Weights::from(own.first), others);
+            let ([value, ..], [_, slope, _]) = (last.basis(0.0), line.basis(0.0));
+            others = Weights::from(last.first);
+            others.add(&last, [value, ZERO, ZERO]);
+            others.add(&line, [slope.map(|s| s * (at - time[edge])), slope, ZERO]);
+        } else if !beyond {
+            if late.lag != 0.0 {
+                self.blend(time, at, near, reach, &mut others, |local, t| {
+                    let [value, slope, _] = local.basis(t);
+                    [value, slope, ZERO]
+                });
+            }
+            if let Some((square, reach)) = bent {
+                self.blend(time, at, near, reach, &mut others, |local, t| local.bent(t, square));
+            }
         }
-        let (before, next) = (self.local(time, after - 1, reach), self.local(time, after, reach));
-        let step = time[after] - time[after - 1];
-        let f = (at - time[after - 1]) / step;
+        let value = |row: usize| table.values[row * self.reach.len() + channel];
+        of_own.with(&others, row, value)
+    }
+
+    /// Adds what the polynomials about a row and the next make of an instant between both, blended as (165).
+    fn blend(
+        &self,
+        time: &[f64],
+        at: f64,
+        row: usize,
+        reach: usize,
+        into: &mut Weights,
+        of: impl Fn(&Local, f64) -> Sum<[f64; QUARTIC]>,
+    ) {
+        let step = time[row + 1] - time[row];
+        let f = (at - time[row]) / step;
         let (w, rise) = (f * f * (3.0 - 2.0 * f), 6.0 * f * (1.0 - f) / step);
-        let mut others = Weights::from(before.first);
-        for (local, share, rise) in [(before, 1.0 - w, -rise), (next, w, rise)] {
-            let [value, slope] = local.basis(at - local.origin);
+        for (row, share, rise) in [(row, 1.0 - w, -rise), (row + 1, w, rise)] {
+            let local = self.local(time, row, reach);
+            let [value, slope, bend] = of(&local, at - local.origin);
             let slope = std::array::from_fn(|k| share * slope[k] + rise * value[k]);
-            others.add(&local, value.map(|v| share * v), slope);
+            into.add(&local, [value.map(|v| share * v), slope, bend.map(|b| share * b)]);
         }
-        sum(Weights::from(own.first), others)
     }
 
     /// The polynomials of fourth degree about a row; those of a recording that is not long are kept.
@@ -185,15 +327,19 @@ impl Courses {
     }
 
     /// Rows about one by which its polynomial is told.
-    fn about(&self, time: &[f64], row: usize, reach: usize, terms: usize) -> Local {
+    fn about_rows(&self, row: usize, reach: usize) -> Range<usize> {
         let [start, end] = self.run[row].map(|row| row as usize);
-        let (first, end) = (row.saturating_sub(reach).max(start), (row + reach + 1).min(end));
-        Local::through(time, first..end, time[row], terms)
+        row.saturating_sub(reach).max(start)..(row + reach + 1).min(end)
     }
 
-    /// The reach whose parabolas, each without its own row, predict the rows best.
-    fn best_reach(&self, table: &Table, channel: usize) -> usize {
-        let Some(time) = &table.time else { return FARTHEST };
+    fn about(&self, time: &[f64], row: usize, reach: usize, terms: usize) -> Local {
+        Local::through(time, self.about_rows(row, reach), time[row], terms)
+    }
+
+    /// The reach whose polynomials, each without its own row, predict the rows best, and by what they are off,
+    /// root mean square.
+    fn best_reach(&self, table: &Table, channel: usize, terms: usize) -> (usize, f64) {
+        let Some(time) = &table.time else { return (FARTHEST, 0.0) };
         let inner = |row: &usize| {
             let [start, end] = self.run[*row].map(|row| row as usize);
             row - start >= FARTHEST && end - row > FARTHEST
@@ -203,18 +349,19 @@ impl Courses {
         let value = |row: usize| table.values[row * self.reach.len() + channel];
         let error = |reach: usize| -> f64 {
             let of_row = |&row: &usize| {
-                let local = self.about(time, row, reach, PARABOLA);
+                let local = self.about(time, row, reach, terms);
                 let mut weights = Weights::from(local.first);
-                weights.add(&local, local.basis(0.0)[0], ZERO);
+                weights.add(&local, [local.basis(0.0)[0], ZERO, ZERO]);
                 // Weights sum to one.
-                let off: f64 = weights.rows().map(|(k, [w, _])| w * (value(row) - value(k))).sum();
+                let off: f64 = weights.rows().map(|(k, [w, ..])| w * (value(row) - value(k))).sum();
                 (off / (1.0 - weights.at(row)[0])).powi(2)
             };
             rows.iter().step_by(apart).map(of_row).sum()
         };
         // The longest of those that are alike, as of a channel that stands still.
-        let best = (NEAREST..=FARTHEST).rev().map(|reach| (error(reach), reach));
-        best.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(FARTHEST, |(_, reach)| reach)
+        let best = (terms.div_euclid(2) + 1..=FARTHEST).rev().map(|reach| (error(reach), reach));
+        let (square, reach) = best.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, FARTHEST));
+        (reach, (square * apart as f64 / rows.len().max(1) as f64).sqrt())
     }
 }
 
@@ -262,73 +409,88 @@ impl Local {
         Self { first, end, origin, a, b, told, at_rows: p }
     }
 
-    /// The polynomials and their slopes at an instant after the origin.
-    fn basis(&self, t: f64) -> [[f64; QUARTIC]; 2] {
-        let (mut p, mut d) = ([0.0; QUARTIC], [0.0; QUARTIC]);
+    /// The polynomials at an instant after the origin, their slopes, and the slopes of these.
+    fn basis(&self, t: f64) -> [[f64; QUARTIC]; 3] {
+        let [mut p, mut d, mut dd] = [ZERO; 3];
         p[0] = 1.0;
         for k in 1..self.told {
             let (u, b) = (t - self.a[k - 1], self.b[k - 1]);
-            let [before, slope] = if k > 1 { [p[k - 2], d[k - 2]] } else { [0.0; 2] };
+            let [before, slope, bend] =
+                if k > 1 { [p[k - 2], d[k - 2], dd[k - 2]] } else { [0.0; 3] };
             p[k] = u * p[k - 1] - b * before;
             d[k] = u * d[k - 1] + p[k - 1] - b * slope;
+            dd[k] = u * dd[k - 1] + 2.0 * d[k - 1] - b * bend;
         }
-        [p, d]
+        [p, d, dd]
+    }
+
+    /// `E` of (157) at an instant after the origin, and its derivatives by the instant and by `T²`.
+    fn bent(&self, t: f64, square: f64) -> Sum<[f64; QUARTIC]> {
+        let (sign, constant) = (square.signum(), square.abs().sqrt());
+        let [here, speed, _] = self.basis(t);
+        let [value, slope, bend] = self.basis(t - constant);
+        [
+            std::array::from_fn(|k| sign * (value[k] + constant * slope[k] - here[k])),
+            std::array::from_fn(|k| sign * (slope[k] + constant * bend[k] - speed[k])),
+            bend.map(|b| -0.5 * b),
+        ]
     }
 }
 
-/// Weights of neighbouring rows in a value, and in its derivative by the instant.
+/// Weights of neighbouring rows in a value, and in its derivatives.
 #[derive(Debug, Clone, Copy)]
 struct Weights {
     first: usize,
     end: usize,
-    of: [[f64; 2]; 2 * MOST + 1],
+    of: [Sum<f64>; 2 * MOST + 1],
 }
 
 impl Weights {
     /// None, of rows from `first` on.
     const fn from(first: usize) -> Self {
-        Self { first, end: first, of: [[0.0; 2]; 2 * MOST + 1] }
+        Self { first, end: first, of: [[0.0; 3]; 2 * MOST + 1] }
     }
 
-    /// Adds a polynomial, given by values and slopes of its `p`.
-    fn add(&mut self, local: &Local, value: [f64; QUARTIC], slope: [f64; QUARTIC]) {
+    /// Adds a polynomial, given by what its `p` are and their derivatives.
+    fn add(&mut self, local: &Local, of: Sum<[f64; QUARTIC]>) {
         self.end = self.end.max(local.end);
         let at = local.first - self.first;
         for (to, p) in self.of[at..].iter_mut().zip(&local.at_rows[..local.end - local.first]) {
-            for k in 0..QUARTIC {
-                to[0] += value[k] * p[k];
-                to[1] += slope[k] * p[k];
+            for (to, of) in to.iter_mut().zip(&of) {
+                *to += of.iter().zip(p).map(|(of, p)| of * p).sum::<f64>();
             }
         }
     }
 
-    fn rows(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
+    fn rows(&self) -> impl Iterator<Item = (usize, Sum<f64>)> {
         (self.first..self.end).zip(self.of)
     }
 
     /// Weights of a row; zero for one that has none.
-    fn at(&self, row: usize) -> [f64; 2] {
-        if (self.first..self.end).contains(&row) { self.of[row - self.first] } else { [0.0; 2] }
+    fn at(&self, row: usize) -> Sum<f64> {
+        if (self.first..self.end).contains(&row) { self.of[row - self.first] } else { [0.0; 3] }
     }
 
-    /// The change since `row` that has these weights and those of others, its derivative, and what both make of
-    /// the noise of that row: (164), and its derivative.
-    fn with(&self, others: &Self, row: usize, value: impl Fn(usize) -> f64) -> [f64; 4] {
-        let both = self.rows().map(|(k, [w, s])| {
-            let [more, steeper] = others.at(k);
-            (k, [w + more, s + steeper])
+    /// The change since `row` that has these weights and those of others, and what both make of the noise of
+    /// that row, (164).
+    fn with(&self, others: &Self, row: usize, value: impl Fn(usize) -> f64) -> [Sum<f64>; 2] {
+        let both = self.rows().map(|(k, own)| {
+            let more = others.at(k);
+            (k, std::array::from_fn(|i| own[i] + more[i]))
         });
         let alone = others.rows().filter(|(k, _)| !(self.first..self.end).contains(k));
-        let [mut change, mut velocity, mut square, mut half] = [0.0; 4];
-        for (k, [weight, slope]) in both.chain(alone) {
+        let [mut change, mut half] = [[0.0; 3]; 2];
+        for (k, weights) in both.chain(alone) {
             // Weights sum to zero: what all rows have in common would only round.
             let apart = value(k) - value(row);
-            (change, velocity) = (change + weight * apart, velocity + slope * apart);
-            let whole = weight + f64::from(u8::from(k == row));
-            (square, half) = (square + whole * whole, half + whole * slope);
+            let whole = weights[0] + f64::from(u8::from(k == row));
+            for i in 0..3 {
+                change[i] += weights[i] * apart;
+                half[i] += whole * if i == 0 { whole } else { weights[i] };
+            }
         }
-        let spread = square.sqrt();
-        [change, velocity, spread, half / spread]
+        let spread = half[0].sqrt();
+        [change, [spread, half[1] / spread, half[2] / spread]]
     }
 }
 
@@ -363,6 +525,10 @@ fn runs(table: &Table) -> Vec<[u32; 2]> {
 mod tests {
     use super::*;
 
+    fn by(lag: f64) -> Late {
+        Late { lag, square: None }
+    }
+
     /// Instants a tenth of a second apart but for a pause of a second after the fortieth, of a motion
     /// `f`.
     fn table(f: impl Fn(f64) -> f64) -> Table {
@@ -379,7 +545,7 @@ mod tests {
         let courses = Courses::of(&table, 1);
         for (row, later) in [(10, 0.234), (10, -0.71), (50, 1.5), (60, -0.05)] {
             let t = table.time.as_ref().expect("times")[row];
-            let [change, slope, ..] = courses.moved(&table, row, 0, later);
+            let [[change, slope, _], _] = courses.moved(&table, row, 0, by(later));
             assert!((change - (motion(t + later) - motion(t))).abs() < 1e-9, "{row} {later}");
             assert!((slope - speed(t + later)).abs() < 1e-8, "{row} {later}");
         }
@@ -391,34 +557,54 @@ mod tests {
         let table = table(motion);
         let courses = Courses::of(&table, 1);
         // Row 39, at 3.9 s, is the last before the pause; the line there has the slope 7.8.
-        let [change, slope, ..] = courses.moved(&table, 38, 0, 0.5);
+        let [[change, slope, _], _] = courses.moved(&table, 38, 0, by(0.5));
         assert!((slope - 7.8).abs() < 1e-9);
         assert!((change - (3.9 * 3.9 + 7.8 * 0.4 - 3.8 * 3.8)).abs() < 1e-9);
-        let [change, ..] = courses.moved(&table, 0, 0, -2.0);
+        let [[change, ..], _] = courses.moved(&table, 0, 0, by(-2.0));
         assert!(change.abs() < 1e-9, "at rest at the beginning: {change}");
     }
 
     #[test]
     fn fast_motion_has_short_polynomials_and_noise_long_ones() {
         let fast = table(|t| (9.0 * t).sin());
-        assert_eq!(Courses::of(&fast, 1).reach, [NEAREST]);
+        assert_eq!(Courses::of(&fast, 1).reach, [2]);
         // A slow motion with steps of a coarse encoder.
         let coarse = table(|t| (7.3 * t).round());
         assert!(Courses::of(&coarse, 1).reach[0] >= 6);
     }
 
     #[test]
-    fn velocity_and_spread_have_their_derivatives() {
+    fn change_and_spread_have_their_derivatives() {
         let table = table(|t| (3.0 * t).sin() + 0.1 * (17.0 * t).cos());
         let courses = Courses::of(&table, 1);
-        for later in [-0.33, -0.1, 1e-6, 0.05, 0.1, 0.17, 0.9, 3.0] {
-            let at = |later: f64| courses.moved(&table, 20, 0, later);
+        let lags = [-0.33, -0.1, 1e-6, 0.05, 0.1, 0.17, 0.9, 3.0];
+        for (lag, square) in lags.into_iter().flat_map(|lag| [(lag, 0.02), (lag, -0.01)]) {
+            let at = |lag, square| courses.moved(&table, 20, 0, Late { lag, square: Some(square) });
             let step = 1e-6;
-            let (above, below) = (at(later + step), at(later - step));
-            for (k, slope) in [(0, at(later)[1]), (2, at(later)[3])] {
-                let difference = (above[k] - below[k]) / (2.0 * step);
-                assert!((difference - slope).abs() < 1e-4, "{later} {k}");
+            let later = [at(lag - step, square), at(lag + step, square)];
+            let slower = [at(lag, square - step), at(lag, square + step)];
+            for (k, [below, above]) in [(1, later), (2, slower)] {
+                for (what, here) in at(lag, square).iter().enumerate() {
+                    let difference = (above[what][0] - below[what][0]) / (2.0 * step);
+                    assert!((difference - here[k]).abs() < 1e-4, "{lag} {square} {k} {what}");
+                }
             }
+        }
+    }
+
+    #[test]
+    fn what_follows_by_degrees_tells_its_goal() {
+        // y + T y' of a polynomial, at instants that no row has.
+        let motion = |t: f64| 3.0 - 2.0 * t + 0.5 * t * t - 0.1 * t.powi(3) + 0.02 * t.powi(4);
+        let speed = |t: f64| -2.0 + t - 0.3 * t * t + 0.08 * t.powi(3);
+        let table = table(motion);
+        let courses = Courses::of(&table, 1);
+        for (row, lag, constant) in [(10, 0.234, 0.08), (60, 0.05, 0.05), (55, 0.0, 0.11)] {
+            let t = table.time.as_ref().expect("times")[row] + lag - constant;
+            let late = Late { lag, square: Some(constant * constant) };
+            let [[change, ..], _] = courses.moved(&table, row, 0, late);
+            let goal = motion(t) + constant * speed(t);
+            assert!((table.values[row] + change - goal).abs() < 1e-8, "{row} {lag} {constant}");
         }
     }
 
@@ -426,15 +612,16 @@ mod tests {
     fn the_spread_is_that_of_a_reading_whose_rows_each_have_unit_noise() {
         // The change is linear in what was read: its weights are what it makes of one row alone.
         let still = table(|_| 0.0);
-        let rough = Courses { reach: vec![5], ..Courses::of(&still, 1) };
+        let rough = Courses { reach: vec![5], bent: vec![6], ..Courses::of(&still, 1) };
+        let late = |lag| Late { lag, square: Some(0.01) };
         for (row, later) in [(20, 0.14), (20, 0.0), (20, 2.0), (33, 0.72), (2, -0.4)] {
             let weight = |k: usize| {
                 let mut one = Table { values: vec![0.0; 80], ..still.clone() };
                 one.values[k] = 1.0;
-                one.values[row] + rough.moved(&one, row, 0, later)[0]
+                one.values[row] + rough.moved(&one, row, 0, late(later))[0][0]
             };
             let variance: f64 = (0..80).map(|k| weight(k).powi(2)).sum();
-            let spread = rough.moved(&still, row, 0, later)[2];
+            let spread = rough.moved(&still, row, 0, late(later))[1][0];
             assert!((spread - variance.sqrt()).abs() < 1e-9, "{row} {later}: {spread}");
         }
     }

@@ -181,11 +181,12 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 loop_closes(*closes),
             )
         }
-        Suspicion::Exchanged { channels: [a, b], closes } => format!(
-            "{} and {} look exchanged: with their readings swapped {}; check the wiring, or the \
+        Suspicion::Exchanged { channels: [a, b], closes, late } => format!(
+            "{} and {} look exchanged: with their readings swapped{} {}; check the wiring, or the \
              names of the columns",
             name(*a),
             name(*b),
+            if *late { ", beside a delay of all followers," } else { "" },
             loop_closes(*closes)
         ),
         Suspicion::Gap { channel, shown, rows, of, closes } => {

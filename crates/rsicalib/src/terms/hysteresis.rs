@@ -1,6 +1,7 @@
 //! [`Hysteresis`].
 
 use crate::numerics::lanes::Lanes;
+use crate::readings::context::STANDSTILL_SHARE;
 use crate::terms::term::{Acts, Info, Sensor, Site, Term};
 
 term! {
@@ -26,14 +27,21 @@ impl Term for Hysteresis {
 
 impl Sensor for Hysteresis {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {
-        site.approach[site.channel] * p[0]
+        side(site) * p[0]
     }
 
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
-        out[0] = site.approach[site.channel];
+        out[0] = side(site);
     }
 
     fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
         Lanes::ZERO
     }
+}
+
+/// From which side the channel came to where it is; where it is late, to where it is later.
+fn side(site: &Site) -> Lanes {
+    let course = site.course.filter(|_| site.late != 0.0);
+    let still = STANDSTILL_SHARE * site.scale().half_range;
+    course.map_or(site.approach[site.channel], |course| course.side(site.channel, site.late, still))
 }

@@ -14,7 +14,7 @@ use crate::numerics::lm::{self, SolverOptions};
 use crate::readings::Readings;
 use crate::terms::find;
 use crate::terms::laws::devices::{
-    Device, How, Rng, hand_controller, instance, instances, on_surface, random, sizes,
+    Device, How, Rng, hand_controller, instance, instances, on_surface, pair, random, sizes,
 };
 use crate::terms::laws::differences::{EVERY_STAGE, check_parameters, check_readings, evaluated};
 use crate::terms::targets::{provided, targets};
@@ -217,10 +217,14 @@ fn devices_for(term: &dyn Term) -> Vec<Device> {
         }
         _ => vec![hand_controller(how, 1), random(3, how, 2)],
     };
-    devices.retain(|d| {
+    let has = |d: &Device| {
         let there = provided(term, &d.mechanism, &d.readings()).is_ok();
         there && !targets(term, &d.mechanism).is_empty()
-    });
+    };
+    devices.retain(has);
+    if devices.is_empty() {
+        devices.extend(Some(pair(how, 3)).filter(has));
+    }
     assert!(!devices.is_empty(), "no device has what {} needs", term.info().id);
     devices
 }

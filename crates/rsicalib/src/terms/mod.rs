@@ -18,6 +18,7 @@ use crate::terms::term::Term;
 #[macro_use]
 pub mod term;
 pub mod coupled;
+mod follows;
 pub mod law;
 pub mod targets;
 
@@ -117,6 +118,7 @@ mod curvature;
 mod distance;
 mod distance_growth;
 mod distance_slip;
+mod drag;
 mod drift;
 mod free_curve;
 mod gain;
@@ -144,6 +146,7 @@ mod reference_drift;
 mod reference_temperature;
 mod reference_wander;
 mod sag;
+mod servo;
 mod slip;
 mod temperature_gain;
 mod temperature_offset;
@@ -158,6 +161,7 @@ registry! {
     channel_skew::ChannelSkew,
     crosstalk::Crosstalk,
     lag::Lag,
+    servo::Servo,
     bad_reading::BadReading,
     offset::Offset,
     gain::Gain,
@@ -168,6 +172,7 @@ registry! {
     n_per_turn::NPerTurn,
     free_curve::FreeCurve,
     hysteresis::Hysteresis,
+    drag::Drag,
     drift::Drift,
     wander::Wander,
     slip::Slip,

@@ -16,7 +16,7 @@ use crate::kinematics::elements::{Axis, Way, Weight};
 pub use crate::mechanism::{Class, Per};
 use crate::mechanism::{Mechanism, Target};
 use crate::numerics::lanes::Lanes;
-use crate::readings::course::CourseAt;
+use crate::readings::course::{CourseAt, Followed, Late};
 use crate::terms::coupled::Coupled;
 
 /// Data that a term needs.
@@ -199,8 +199,10 @@ pub struct Site<'a> {
     pub velocity: &'a [Lanes],
     /// Where the samples are in their recording; none for poses, and where no term asks.
     pub(crate) course: Option<CourseAt<'a>>,
-    /// Delays of the channel by the terms before this one, and by all of them: they add up.
-    pub(crate) late: [f64; 2],
+    /// By what the channel is late \[s\], for a term that acts on its joint.
+    pub(crate) late: f64,
+    /// What the samples of the channel followed, for a term that says how they do.
+    pub(crate) followed: Followed,
     /// Number of each sample's pose.
     pub pose: Lanes,
     /// Place of the instance: the pose, or the other channel, where a searched term acts.
@@ -253,10 +255,11 @@ pub trait Electronics: Sync {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes;
     /// Derivatives of the correction by `p`.
     fn partials(&self, p: &[f64], site: &Site, out: &mut [Lanes]);
-    /// True for a term whose only parameter is a delay: those of one channel add up, and the
-    /// correction of each is beside those before it.
-    fn is_delay(&self) -> bool {
-        false
+    /// What a term says of how its channel follows: this adds up, and the correction of each is beside those
+    /// before it. None for all other terms.
+    #[doc(hidden)]
+    fn late(&self, _p: &[f64]) -> Option<Late> {
+        None
     }
     /// Derivatives of the correction by every reading, added to `out`.
     fn slopes(&self, p: &[f64], site: &Site, out: &mut [Lanes]);
@@ -476,10 +479,18 @@ pub enum Over {
 }
 
 impl dyn Term + '_ {
-    /// True for a delay, of which no size is out of all proportion: a message takes as long as it takes.
+    /// True for a delay or a slow servo, of which no size is out of all proportion: a message takes as long as
+    /// it takes.
     #[must_use]
-    pub fn is_delay(&self) -> bool {
-        matches!(self.acts(), Acts::Electronics(term) if term.is_delay())
+    pub fn is_late(&self) -> bool {
+        matches!(self.acts(), Acts::Electronics(term) if term.late(&[0.0]).is_some())
+    }
+
+    /// True for one that is late by degrees, and so cuts corners; a delay is late in corners, too.
+    #[must_use]
+    pub fn cuts_corners(&self) -> bool {
+        let square = |late: Late| late.square.is_some();
+        matches!(self.acts(), Acts::Electronics(term) if term.late(&[0.0]).is_some_and(square))
     }
 
     /// True for what a weight does.

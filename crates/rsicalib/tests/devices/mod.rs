@@ -209,6 +209,37 @@ pub fn hand_controller(how: How, seed: u64) -> Device {
     Device { mechanism, table, points: Vec::new() }
 }
 
+/// A leader and its follower, each with two joints, as parts of their ranges.
+pub fn pair(how: How, seed: u64) -> Device {
+    let channel = |name: &str| Channel {
+        name: name.into(),
+        unit: "part".into(),
+        range: Some([-1.0, 1.0]),
+        gain: 1.0,
+        offset: 0.0,
+        limits: None,
+        ..Mechanism::rsi().channels[0].clone()
+    };
+    let equal = |name: &str, between: [&str; 2]| Closure {
+        name: name.into(),
+        kind: ClosureKind::Equal,
+        between: between.map(Into::into),
+        value: None,
+        ..Mechanism::rsi().closures[0].clone()
+    };
+    let mechanism = Mechanism {
+        channels: ["l1", "f1", "l2", "f2"].map(channel).to_vec(),
+        closures: vec![equal("one", ["l1", "f1"]), equal("two", ["l2", "f2"])],
+        ..empty("pair".into())
+    };
+    let mut wander = wander(&mut Rng::new(seed), how, 2);
+    let table = table(&mechanism, how, |row| {
+        let w = wander(row);
+        [w[0], w[0], w[1], w[1]].map(|w| 0.6 * w).to_vec()
+    });
+    Device { mechanism, table, points: Vec::new() }
+}
+
 /// A mechanism of 2 to 4 chains: turning and sliding joints, one that another channel turns as
 /// well, channels in counts and in radians, masses, distances known and measured, and two unknown points
 /// that the last chain touches.
@@ -462,6 +493,8 @@ pub fn sizes(instance: &Instance, mechanism: &Mechanism, rng: &mut Rng) -> Vec<f
             let scale = match p.unit {
                 "reading" => counts,
                 "rad/reading" => 1.0 / counts,
+                // Rows are 20 ms apart: more is beyond the rows about one that tell its polynomial.
+                "s^2" => 0.1,
                 _ => 1.0,
             };
             typical * scale * rng.uniform(1.0, 2.0) * rng.uniform(-1.0, 1.0).signum()

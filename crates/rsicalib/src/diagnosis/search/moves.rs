@@ -217,7 +217,7 @@ impl Beam<'_, '_> {
     /// The instances of the single chains that a shared one stands for; none for another, and for a
     /// delay: one joint may be later than all are.
     fn parts_of(&self, instance: &Instance) -> Option<Vec<Instance>> {
-        let shared = instance.target.is_shared() && !instance.term.is_delay();
+        let shared = instance.target.is_shared() && !instance.term.is_late();
         shared.then(|| {
             let parts = self.averaged.small.mechanism.parts(instance.target).into_iter();
             parts.map(|target| Instance { target, ..*instance }).collect()

@@ -25,11 +25,13 @@ pub(super) enum Mistake {
 }
 
 impl Mistake {
-    /// Every two channels exchanged.
+    /// Every two channels exchanged; of leaders with their followers, the followers: no reading tells which.
     pub(super) fn exchanges(of: &Observations) -> impl Iterator<Item = Self> + use<> {
         let channels = of.readings.channels;
-        let pair = move |a: usize| (a + 1..channels).map(move |b| Self::Exchanged([a, b]));
-        (0..channels).flat_map(pair)
+        let leads: Vec<bool> = (0..channels).map(|c| of.mechanism.leads(c)).collect();
+        let pair = move |a: usize| (a + 1..channels).map(move |b| [a, b]);
+        let told = move |[a, b]: &[usize; 2]| !(leads[*a] && leads[*b]);
+        (0..channels).flat_map(pair).filter(told).map(Self::Exchanged)
     }
 
     /// Every channel reversed.
@@ -99,7 +101,9 @@ impl Mistake {
             of: InDegrees::Loop { what, times, closes },
         };
         match self {
-            Self::Exchanged(channels) => Suspicion::Exchanged { channels: *channels, closes },
+            Self::Exchanged(channels) => {
+                Suspicion::Exchanged { channels: *channels, closes, late: false }
+            }
             Self::Reversed(channel) => Suspicion::Reversed { channels: vec![*channel], closes },
             Self::Readings { channels, times } => degrees(channels, Scaled::Readings, *times),
             Self::Offsets { channels, times } => degrees(channels, Scaled::Offsets, *times),

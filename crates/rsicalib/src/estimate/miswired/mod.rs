@@ -7,6 +7,7 @@
 
 mod again;
 mod by_knowledge;
+mod by_motion;
 mod by_refit;
 mod by_start;
 mod mistake;
@@ -18,4 +19,5 @@ pub(super) use mistake::OTHER_UNIT;
 pub(super) use rewired::{NEAR, apart};
 
 pub(super) use by_knowledge::suspect as by_knowledge;
+pub(super) use by_motion::suspect as by_motion;
 pub(super) use by_start::{Suspected, suspect as by_start};
