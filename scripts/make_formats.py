@@ -228,6 +228,7 @@ UNITS = {
     "rad/reading": "Joint angle per reading; results name the channel's unit: `rad/count`.",
     "1": "A ratio.",
     "s": "Time.",
+    "s^2": "Square of a time constant.",
     "1/K": "Fraction per kelvin from the mean temperature of the readings.",
     "1/turn": "Waves in one turn of the joint.",
     "rad/K": "Angle per kelvin from the mean temperature of the readings.",

@@ -61,10 +61,13 @@ class Constant:
     whole: bool
     value: float
 
-    def others(self) -> tuple[str, str]:
-        """Half of it and twice as much, as text."""
+    def others(self) -> tuple[str, ...]:
+        """Half of it and twice as much, as text; and what takes it out."""
+        out = (OUT[self.name],) if self.name in OUT else ()
         half, twice = self.value / 2, self.value * 2
-        return (str(int(half)), str(int(twice))) if self.whole else (f"{half:g}", f"{twice:g}")
+        if self.whole:
+            return str(int(half)), str(int(twice)), *out
+        return f"{half:g}", f"{twice:g}", *out
 
 
 def constants() -> Iterator[Constant]:

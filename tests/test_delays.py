@@ -102,7 +102,7 @@ def test_exchanged_followers_are_named_beside_a_delay(seed: int, truth: Truth) -
     rows[pan], rows[roll] = rows[roll], rows[pan]
     found = rsicalib.trace(rows, "so101")
     (warning,) = [w for w in found.warnings if w.kind == "exchanged"]
-    assert warning.text.startswith(f"{pan} and {roll} look exchanged")
+    assert warning.target == f"{pan}+{roll}"
     assert not found.steps
 
 

@@ -224,6 +224,22 @@ def test_effects_in_whose_place_a_law_is_likelier_are_named_and_not_applied() ->
     assert alone, "a quarter of such devices has one"
 
 
+def test_an_effect_that_ties_with_a_law_over_time_is_named_and_not_applied() -> None:
+    """A gain that grows with the way travelled: a fresh session begins without."""
+    case, _, _ = outside.outside("ballbar", 3, 515151)
+    assert set(case.effects[0].term.split("*")) >= {"theta[q5]", "travelled[q3]"}
+    mechanism = Mechanism.from_toml(case.text)
+    readings = families.readings_of(mechanism, case.session)
+    found, plain = trace(readings, mechanism), calibrate(readings, mechanism)
+    every = trace(readings, mechanism, apply_all=True)
+    (step,) = found.steps
+    assert (step.term, step.target, step.applied) == ("gain", "q5", False)
+    assert outside.LAW in {also.term for also in step.also_fits}
+    error = {id(fit): outside.error_of(case, mechanism, fit) for fit in (found, plain, every)}
+    assert error[id(found)] == pytest.approx(error[id(plain)], rel=1e-6)
+    assert error[id(every)] > outside.GREW * error[id(plain)]
+
+
 def test_one_effect_of_the_catalogue_leaves_no_room_for_an_unknown_law() -> None:
     told = [outside.run(("single", "fivebar", number), 35) for number in range(sized(4, 8))]
     assert not [one for one in told if outside.LAW in one.ties]

@@ -3,7 +3,7 @@
 
 use std::array::from_fn;
 
-use crate::devices::{Device, How, Rng, hand_controller, random};
+use crate::devices::{Device, How, Rng, hand_controller, pair, random};
 use crate::differences::{EVERY_STAGE, check_parameters, check_readings, evaluated};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rsicalib::Error;
@@ -135,6 +135,17 @@ fn check_derivatives(device: &Device, seed: u64) {
 fn derivatives_match_differences_on_the_hand_controller() {
     check_derivatives(&hand_controller(How::Held, 3), 1);
     check_derivatives(&hand_controller(How::Moving, 4), 2);
+}
+
+#[test]
+fn derivatives_match_differences_on_a_leader_and_its_follower() {
+    let device = pair(How::Moving, 5);
+    let readings = device.readings();
+    let ids = ["offset", "gain", "lag", "servo", "drag", "hysteresis"];
+    let (instances, values) = device.terms(&readings, &ids, 6);
+    let (model, beta) = device.model(&readings, &instances, &values);
+    check_parameters(&model, &readings, &beta, 0..model.parameters);
+    check_readings(&model, &readings, &beta);
 }
 
 #[test]

@@ -16,7 +16,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import plain
 from rsicalib.fleets.frames import TEXT, Frame, frame_like, runs_of, select
-from rsicalib.io.cells import USED, Fault, MechanismLike, read_cells, read_header
+from rsicalib.io.cells import USED, Fault, MechanismLike, needed_columns, read_cells, read_header
 from rsicalib.io.frames import Cells, Columns, columns_of
 from rsicalib.io.tables import Table, text
 from rsicalib.options import names, number
@@ -197,7 +197,7 @@ def one_device(
     poses, at_rest = _rest_rows(frame, by)
     resting = own(rest) or own(at_rest)  # as `devices_of` has them
     if resting is not None:
-        resting = {name: cells for name, cells in resting.items() if name != "pose"}
+        resting = {name: cells for name, cells in resting.items() if name not in ("pose", USED)}
     return own(poses) or {}, resting
 
 
@@ -303,7 +303,8 @@ class _Read:
     def device(self, label: Any, rows: Any, rest: FloatArray | str | None) -> Device:
         """One device as the core takes it."""
         values = self.values[rows]
-        pose, used = self._optional("pose", rows), self._optional(USED, rows)
+        pose = self._optional("pose", rows)
+        used = None if USED in needed_columns(self.mechanism) else self._optional(USED, rows)
         own = slice(None) if used is None else np.flatnonzero(used)
         refused, runs = self.fault(rows), len(values[own])
         if refused is None and pose is not None:

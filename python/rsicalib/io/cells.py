@@ -292,7 +292,7 @@ def _unusable(
         return bad | ~(values > 0.0), "a distance above zero"
     if name in ("pose", "sample"):
         return ~((values == np.rint(values)) & (np.abs(values) < EXACT)), "an integer"
-    if name == USED:
+    if name == USED and name not in needed_columns(mechanism):
         return ~((values == 0.0) | (values == 1.0)), "0 or 1"
     if name == TIME:
         return bad, f"{expected} (seconds)"

@@ -18,6 +18,7 @@
 use crate::Error;
 use crate::diagnosis::options::{LEVEL, SearchOptions};
 use crate::diagnosis::price::{charge, of_places};
+use crate::diagnosis::search::admissible::physical;
 use crate::diagnosis::search::outcome::{FoundEffect, Searched};
 use crate::estimate::{Fit, Implicit, Observations, Part, fit};
 use crate::model::Instance;
@@ -77,6 +78,11 @@ pub(crate) fn delays(
         kept.retain(|step| step.scored.instance.term.is_late());
         here = explained.with(&kept, None)?;
     }
+    // Each refit may turn a servo round.
+    while let Some(k) = kept.iter().position(|step| !physical(&here, &step.scored.instance)) {
+        kept.remove(k);
+        here = explained.with(&kept, None)?;
+    }
     for k in 0..kept.len() {
         let one = kept.remove(k);
         let without = explained.with(&kept, None)?;
@@ -123,7 +129,8 @@ impl Changes<'_> {
             for (k, one) in found.iter().enumerate() {
                 let there = self.with(&kept, Some(one))?;
                 let left = self.worth(one, &here, &there);
-                if left > best.as_ref().map_or(0.0, |best| best.0) {
+                let better = left > best.as_ref().map_or(0.0, |best| best.0);
+                if better && physical(&there, &one.scored.instance) {
                     best = Some((left, k, there));
                 }
             }

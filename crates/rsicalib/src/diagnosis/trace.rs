@@ -206,17 +206,18 @@ enum Scope {
 }
 
 /// True where the readings are not of this mechanism as it is declared, and are with a mistake of the wiring
-/// or of a unit undone: that is said, and the search, which would take its longest, has nothing to add. A follower
-/// that is held against another leader is not absurd, and nothing that is found of it means anything.
+/// or of a unit undone: that is said, and the search, which would take its longest, has nothing to add. Exchanged
+/// followers give no absurd values, but every effect that is found with them is false.
 fn is_miswired(observations: &Observations, fit: &Fit) -> bool {
     let undone = |it: &Suspicion| it.of_wiring() && !it.is_no_start();
     let follower = |channel: &usize| observations.mechanism.leader_of(*channel).is_some();
-    let mixed = |it: &Suspicion| match it {
+    let exchanged_followers = |it: &Suspicion| match it {
         Suspicion::Exchanged { channels, .. } => channels.iter().all(follower),
         _ => false,
     };
     let told = fit.warnings.iter().any(undone);
-    told && (fit.warnings.iter().any(mixed) || !absurdities(observations, fit, &[]).is_empty())
+    told && (fit.warnings.iter().any(exchanged_followers)
+        || !absurdities(observations, fit, &[]).is_empty())
 }
 
 /// The search and what comes of it; and whether its fit was absurd before it began.

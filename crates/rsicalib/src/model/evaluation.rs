@@ -165,7 +165,7 @@ impl Model {
             site.place = e.place;
             let channel = e.channel;
             site.channel = channel;
-            if let Some(own) = e.term.late(p) {
+            if let Some(own) = e.term.late(p).filter(|_| want.x || !absent(p)) {
                 site.followed = self.followed(&site, beta, (e.first, own), want.x, &mut moved);
             }
             let row = &mut ws.mix[channel * channels..(channel + 1) * channels];

@@ -13,12 +13,10 @@ use crate::readings::table::Table;
 /// Changes by fewer counts than this from pose to pose have no direction.
 const STANDSTILL: f64 = 3.0;
 
-/// [`STANDSTILL`] as a share of half a range of 4096 counts.
-pub(crate) const STANDSTILL_SHARE: f64 = STANDSTILL / 2048.0;
-
-/// [`STANDSTILL`] in the unit of a channel: for an encoder, the same share of the range.
+/// [`STANDSTILL`] in the unit of a channel: for an encoder, the same share of the range as 3 of
+/// 4096 counts.
 fn standstill(channel: &Channel) -> f64 {
-    if channel.counts() { STANDSTILL } else { STANDSTILL_SHARE * channel.half_range() }
+    if channel.counts() { STANDSTILL } else { STANDSTILL * channel.half_range() / 2048.0 }
 }
 
 /// [`STANDSTILL`] of every channel.

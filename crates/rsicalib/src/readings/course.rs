@@ -77,10 +77,18 @@ pub(crate) struct Courses {
     bent: Vec<usize>,
     /// By what parabolas without a row are off there, root mean square: the noise of each channel.
     noise: Vec<f64>,
-    /// From which side each channel came to each row, told when first asked for.
-    sides: Vec<OnceLock<Vec<f64>>>,
+    /// In which direction each channel moves in each row, and from which side it came there, told when first
+    /// asked for.
+    ways: Vec<OnceLock<Ways>>,
     /// Polynomials about each row by their reach: instants alone tell them.
     locals: [OnceLock<Vec<Local>>; FARTHEST + 1],
+}
+
+/// Directions of a channel in all rows, and the sides from which it came there: at rest, that of its last motion.
+#[derive(Debug, Clone)]
+struct Ways {
+    directions: Vec<f64>,
+    sides: Vec<f64>,
 }
 
 /// The courses about the eight samples of a block.
@@ -90,6 +98,8 @@ pub(crate) struct CourseAt<'a> {
     /// Found when first asked for.
     pub(super) courses: &'a OnceLock<Courses>,
     pub(super) channels: usize,
+    /// Changes by less are none.
+    pub(super) still: &'a [f64],
     /// Rows of the recording at which the samples were taken.
     pub(super) rows: [usize; WIDTH],
     /// True where the samples stand for many rows each.
@@ -150,21 +160,20 @@ pub(crate) struct Followed {
 }
 
 impl CourseAt<'_> {
-    /// In which direction a channel moves: -1, 0 or 1; 0 where it moves by less than `still` over the rows that tell
-    /// its velocity.
-    pub fn direction(&self, channel: usize, still: f64) -> Lanes {
+    /// In which direction a channel moves: -1, 0 or 1; 0 where it stands still over the rows that tell its velocity.
+    pub fn direction(&self, channel: usize) -> Lanes {
         let courses = self.courses.get_or_init(|| Courses::of(self.table, self.channels));
-        Lanes(self.rows.map(|row| {
-            let (change, _) = courses.step(self.table, row, channel);
-            direction(change, still)
-        }))
+        let ways = courses.ways(self.table, channel, self.still[channel]);
+        Lanes(self.rows.map(|row| ways.directions.get(row).copied().unwrap_or(0.0)))
     }
 
     /// From which side a channel came to where it is `later` seconds after each sample: at rest, that of its last
     /// motion.
-    pub fn side(&self, channel: usize, later: f64, still: f64) -> Lanes {
+    pub fn side(&self, channel: usize, later: f64) -> Lanes {
         let courses = self.courses.get_or_init(|| Courses::of(self.table, self.channels));
-        Lanes(self.rows.map(|row| courses.side(self.table, [row, channel], later, still)))
+        let ways = courses.ways(self.table, channel, self.still[channel]);
+        let last = |row| courses.last_before(self.table, row, later).unwrap_or(row);
+        Lanes(self.rows.map(|row| ways.sides.get(last(row)).copied().unwrap_or(0.0)))
     }
 
     /// The samples of a channel as what it followed.
@@ -196,8 +205,8 @@ impl Courses {
         let run = runs(table);
         let locals = [const { OnceLock::new() }; FARTHEST + 1];
         let (reach, bent) = (vec![FARTHEST; channels], vec![FARTHEST; channels]);
-        let (noise, sides) = (vec![0.0; channels], vec![OnceLock::new(); channels]);
-        let mut courses = Self { run, reach, bent, noise, sides, locals };
+        let (noise, ways) = (vec![0.0; channels], vec![OnceLock::new(); channels]);
+        let mut courses = Self { run, reach, bent, noise, ways, locals };
         let best = |terms| -> (Vec<usize>, Vec<f64>) {
             (0..channels).map(|c| courses.best_reach(table, c, terms)).unzip()
         };
@@ -229,26 +238,31 @@ impl Courses {
         (velocity * long, self.noise[channel] * square.sqrt() * long)
     }
 
-    /// The side from which a channel came to the last row before an instant.
-    fn side(&self, table: &Table, [row, channel]: [usize; 2], later: f64, still: f64) -> f64 {
-        let Some(time) = &table.time else { return 0.0 };
+    /// The last row of the same run at an instant so much later than a row; the first where none is.
+    fn last_before(&self, table: &Table, row: usize, later: f64) -> Option<usize> {
+        let time = table.time.as_ref()?;
         let [start, end] = self.run[row].map(|row| row as usize);
-        let at = start + time[start..end].partition_point(|t| *t <= time[row] + later);
-        let sides = self.sides[channel].get_or_init(|| {
+        let after = start + time[start..end].partition_point(|t| *t <= time[row] + later);
+        Some(after.saturating_sub(1).max(start))
+    }
+
+    /// Directions and sides of a channel; none without a clock. It moves where it does so by `still`; and it comes
+    /// from another side where noise does not make as much.
+    fn ways(&self, table: &Table, channel: usize, still: f64) -> &Ways {
+        self.ways[channel].get_or_init(|| {
+            let rows = table.time.as_ref().map_or(0, Vec::len);
             let mut last = (usize::MAX, 0.0);
-            let of_row = |row: usize| {
-                let session = table.session_of(row);
+            let of_row = |row| {
                 let (change, noise) = self.step(table, row, channel);
-                let side = match direction(change, still.max(SURE * noise)) {
-                    0.0 if last.0 == session => last.1,
-                    side => side,
-                };
-                last = (session, side);
-                side
+                let (session, sure) = (table.session_of(row), direction(change, SURE * noise));
+                let moves = direction(change, still);
+                let rests = moves * sure == 0.0 && last.0 == session;
+                last = (session, if rests { last.1 } else { moves * sure.abs() });
+                (moves, last.1)
             };
-            (0..time.len()).map(of_row).collect()
-        });
-        sides[at.saturating_sub(1).max(start)]
+            let (directions, sides) = (0..rows).map(of_row).unzip();
+            Ways { directions, sides }
+        })
     }
 
     /// Change and the spread of (164), of a row that becomes what it followed.

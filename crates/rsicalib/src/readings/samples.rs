@@ -562,9 +562,9 @@ impl Readings {
             Some((whole, middles)) => (&**whole, rows.map(|row| middles[row])),
             None => (self, *rows),
         };
-        let Self { table, courses, channels, .. } = whole;
+        let Self { table, courses, channels, still, .. } = whole;
         let of_many = self.merged.is_some();
-        Some(CourseAt { table, courses, channels: *channels, rows, of_many })
+        Some(CourseAt { table, courses, channels: *channels, still, rows, of_many })
     }
 
     /// True where the recording goes on to an instant so much later than a row; true without a clock.

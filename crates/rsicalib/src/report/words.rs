@@ -181,14 +181,18 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 loop_closes(*closes),
             )
         }
-        Suspicion::Exchanged { channels: [a, b], closes, late } => format!(
-            "{} and {} look exchanged: with their readings swapped{} {}; check the wiring, or the \
+        Suspicion::Exchanged { channels: [a, b], closes, late } => {
+            let follow = [a, b].iter().all(|c| mechanism.leader_of(**c).is_some());
+            format!(
+                "{} and {}{} look exchanged: with their readings swapped{} {}; check the wiring, or the \
              names of the columns",
-            name(*a),
-            name(*b),
-            if *late { ", beside a delay of all followers," } else { "" },
-            loop_closes(*closes)
-        ),
+                name(*a),
+                name(*b),
+                if follow { ", or their leaders," } else { "" },
+                if *late { ", beside a delay of all followers," } else { "" },
+                loop_closes(*closes)
+            )
+        }
         Suspicion::Gap { channel, shown, rows, of, closes } => {
             let shown = match shown {
                 Shown::AtEnd => "reads an end of its range".into(),

@@ -2,7 +2,6 @@
 
 use crate::mechanism::Mechanism;
 use crate::numerics::lanes::Lanes;
-use crate::readings::context::STANDSTILL_SHARE;
 use crate::terms::term::{Acts, Info, Placed, Sensor, Site, Term};
 
 term! {
@@ -56,6 +55,5 @@ impl Sensor for Drag {
 
 /// In which direction the leader moves: -1, 0 or 1.
 fn direction(site: &Site) -> Lanes {
-    let still = STANDSTILL_SHARE * site.scales[site.place].half_range;
-    site.course.map_or(Lanes::ZERO, |course| course.direction(site.place, still))
+    site.course.map_or(Lanes::ZERO, |course| course.direction(site.place))
 }

@@ -1,7 +1,6 @@
 //! [`Hysteresis`].
 
 use crate::numerics::lanes::Lanes;
-use crate::readings::context::STANDSTILL_SHARE;
 use crate::terms::term::{Acts, Info, Sensor, Site, Term};
 
 term! {
@@ -42,6 +41,5 @@ impl Sensor for Hysteresis {
 /// From which side the channel came to where it is; where it is late, to where it is later.
 fn side(site: &Site) -> Lanes {
     let course = site.course.filter(|_| site.late != 0.0);
-    let still = STANDSTILL_SHARE * site.scale().half_range;
-    course.map_or(site.approach[site.channel], |course| course.side(site.channel, site.late, still))
+    course.map_or(site.approach[site.channel], |course| course.side(site.channel, site.late))
 }

@@ -26,7 +26,7 @@ impl Term for Servo {
         Acts::Electronics(&Self)
     }
 
-    /// What follows by degrees follows something.
+    /// As a delay, it is said of the follower; a filter of first order before a sensor does the same.
     fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
         !mechanism.leads(channel)
     }

@@ -493,8 +493,8 @@ pub fn sizes(instance: &Instance, mechanism: &Mechanism, rng: &mut Rng) -> Vec<f
             let scale = match p.unit {
                 "reading" => counts,
                 "rad/reading" => 1.0 / counts,
-                // Rows are 20 ms apart: more is beyond the rows about one that tell its polynomial.
-                "s^2" => 0.1,
+                // Rows are 20 ms apart: a slower servo has no readings that the rows about each tell.
+                "s^2" => 0.01,
                 _ => 1.0,
             };
             typical * scale * rng.uniform(1.0, 2.0) * rng.uniform(-1.0, 1.0).signum()

@@ -19,7 +19,7 @@ pub(super) fn estimate_of(fit: &Fit, instance: &Instance) -> Option<f64> {
 /// and what explains the residual so is something else; nor does a servo turn a corner before its goal. The sign
 /// of a user's law is the user's.
 pub(crate) fn physical(fit: &Fit, instance: &Instance) -> bool {
-    if instance.term.is_late() {
+    if instance.term.cuts_corners() {
         return !cuts_ahead(fit, instance);
     }
     !instance.term.is_load()
@@ -27,13 +27,15 @@ pub(crate) fn physical(fit: &Fit, instance: &Instance) -> bool {
         || estimate_of(fit, instance).is_none_or(|sure| sure > 0.0)
 }
 
-/// True where a channel's time constant has a square below zero, by this effect and those beside it.
+/// True where a channel would turn before its goal: the square of its time constant is below zero, by this effect
+/// and those beside it, or it is not late at all.
 fn cuts_ahead(fit: &Fit, instance: &Instance) -> bool {
     let model = &fit.model;
     let Some(k) = model.instances.iter().position(|i| i == instance) else { return false };
     let own = model.electronics.iter().filter(|e| e.first == model.first[k]);
-    let square = |channel: usize| model.late(&fit.beta, channel, 0)[1].square;
-    own.into_iter().any(|e| square(e.channel).is_some_and(|square| square < 0.0))
+    let late = |channel: usize| model.late(&fit.beta, channel, 0)[1];
+    own.map(|e| late(e.channel))
+        .any(|l| l.lag == 0.0 || l.square.is_some_and(|square| square < 0.0))
 }
 
 /// An effect changes the gain that a fit gives a channel by less than this factor.

@@ -7,7 +7,7 @@
 //! and (72), says what its price would be; what cannot be among the best is not refitted.
 
 mod account;
-mod admissible;
+pub(crate) mod admissible;
 pub mod answers;
 mod beam;
 pub(crate) mod known;

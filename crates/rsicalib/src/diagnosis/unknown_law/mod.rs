@@ -106,7 +106,7 @@ impl UnknownLaw {
         };
         let held = self.variables.iter().any(|(q, _)| is_over(effect, *q) || play(q));
         let anew = self.ties() && self.variables.iter().any(|(q, _)| q.begins_anew());
-        let less = self.behind < 0.0 || (anew && effect.term.info().needs != Needs::Order);
+        let less = self.behind < 0.0 || (anew && effect.term.info().needs == Needs::Nothing);
         less && self.replaces.contains(effect) && !held
     }
 }

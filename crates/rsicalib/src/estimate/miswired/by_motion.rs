@@ -19,7 +19,7 @@ use crate::estimate::search::{StartSearch, anchored};
 use crate::estimate::suspicion::{Closes, Suspicion};
 use crate::readings::Readings;
 
-/// Rows by which followers may be late: a second of 30 rows.
+/// Rows by which followers may be late: one second at 30 rows a second.
 const FARTHEST: usize = 30;
 
 /// The exchange with which the loops of a recording close beside a delay of all followers; none where there is
@@ -34,10 +34,17 @@ pub(crate) fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspicion> 
     let [i, j, rows] = late.exchanged()?;
     let wires = [late.pairs[i][1], late.pairs[j][1]];
     let with = late.left(Some(&Mistake::Exchanged(wires)), rows)?;
+    let good_start = of.options.good_start;
+    if with >= good_start.min(best / DECISIVE) {
+        return None;
+    }
     let declared = late.left(None, late.declared()?)?.min(best);
-    let limit = of.options.good_start.min(declared / DECISIVE);
     let closes = Closes { with, declared };
-    (with < limit).then_some(Suspicion::Exchanged { channels: wires, closes, late: true })
+    (with < declared / DECISIVE).then_some(Suspicion::Exchanged {
+        channels: wires,
+        closes,
+        late: true,
+    })
 }
 
 /// Leaders and followers that are late by some rows.
@@ -88,9 +95,10 @@ impl Late<'_> {
     /// χ² per equation with a mistake undone and all followers so many rows earlier.
     fn left(&self, mistake: Option<&Mistake>, rows: usize) -> Option<f64> {
         let Observations { mechanism, readings, weights, .. } = self.search.observations;
-        let (mut table, mut weights) = (readings.table.clone(), weights.clone());
+        let (counted, mut weights) = (weights, weights.clone());
+        let mut table = readings.table.clone();
         for (row, weight) in weights.iter_mut().enumerate() {
-            match later(readings, row, rows) {
+            match later(readings, row, rows).filter(|&to| counted[to] > 0.0) {
                 None => *weight = 0.0,
                 Some(to) => self.pairs.iter().for_each(|&[_, follower]| {
                     let own = |row: usize| row * readings.channels + follower;
