@@ -309,7 +309,7 @@ def make_parser() -> argparse.ArgumentParser:
     sub = verb(guide)
     _add_mechanism(sub)
     sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
-    words = "samples.csv, readings.csv, held_out.csv, passed.csv, session.csv, result.json grow there"
+    words = "readings, held-out poses, places passed and result.json grow there"
     sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
     words = "standard deviation of the platform to reach; a hundredth of the travel where not given"
     sub.add_argument("--target", metavar="LENGTH", type=parsed("target"), help=words)
