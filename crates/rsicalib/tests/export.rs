@@ -130,6 +130,16 @@ fn all_of_them_together_do_in_any_order() {
 }
 
 #[test]
+fn an_effect_that_channels_share_is_said_to_be_left_out_once() {
+    let mechanism = Mechanism::rsi();
+    let mut applied = result(&mechanism, &[]);
+    let shared = "curvature@each.1";
+    applied.parameters = vec![Reported { spec: shared.into(), name: "c2".into(), value: 1e-3 }];
+    let found = exported(&mechanism, &applied).expect("known parameters");
+    assert_eq!(found.notes, [Note::NoPlace(shared.into())]);
+}
+
+#[test]
 fn what_grows_with_the_temperature_is_left_out_and_said() {
     let mechanism = Mechanism::rsi();
     let mut applied = result(&mechanism, &[]);

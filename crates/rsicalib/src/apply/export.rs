@@ -149,7 +149,12 @@ pub fn exported(mechanism: &Mechanism, applied: &Applied) -> Result<Exported, Er
         }
     }
     for effect in &effects {
-        notes.extend(other(effect, mechanism, &mut out));
+        // What several channels share is one effect of the result.
+        if let Some(note) = other(effect, mechanism, &mut out)
+            && !notes.contains(&note)
+        {
+            notes.push(note);
+        }
     }
     out.validate()?;
     Ok(Exported { mechanism: out, tips, notes })
