@@ -33,23 +33,23 @@ ROOT = Path(__file__).parents[1]
 CORE = ROOT / "crates" / "rsicalib" / "src"
 DECLARED = re.compile(r"fn (\w+)\(\) -> (f64|usize|i32) = ([\d.e-]+);")
 
+PRIORS = ("named", "periodic", "free", "slip", "moved", "bad")
 OUT = {
-    "pause": "1e9",
-    "times_open": "1",
-    "wrong_beside": "0",
-    "more": "1",
-    "amplitudes": "1",
-    "room_least": "0",
-    "room_share": "0",
-    "largest_misclosure": "1e9",
-    "largest_effect": "1e9",
-    "degree": "1",
-    "degree_of_two": "1",
-    "law_amplitudes": "1",
-    "highest_order": "1",
-    "parts_of_formulas": "1",
+    "all `prior_of_…` alike": ",".join(f"prior_of_{kind}={1 / len(PRIORS):.4f}" for kind in PRIORS),
+    "`more`": "more=1",
+    "`amplitudes`": "amplitudes=1",
+    "`room_least`, `room_share`": "room_least=0,room_share=0",
+    "`largest_effect`": "largest_effect=1e9",
+    "`largest_misclosure`": "largest_misclosure=1e9",
+    "`degree`": "degree=1",
+    "`degree_of_two`": "degree_of_two=1",
+    "`law_amplitudes`": "law_amplitudes=1",
+    "`highest_order`": "highest_order=1",
+    "`parts_of_formulas`": "parts_of_formulas=1",
+    "`pause`": "pause=1e9",
+    "`times_open`": "times_open=1",
 }
-"""Values with which a constant does nothing, or the least that it can."""
+"""Values with which constants do nothing, or the least that they can."""
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,10 @@ class Constant:
     whole: bool
     value: float
 
-    def others(self) -> tuple[str, ...]:
-        """Half of it and twice as much, as text; and what takes it out."""
-        out = (OUT[self.name],) if self.name in OUT else ()
+    def others(self) -> tuple[str, str]:
+        """Half of it and twice as much, as text."""
         half, twice = self.value / 2, self.value * 2
-        if self.whole:
-            return str(int(half)), str(int(twice)), *out
-        return f"{half:g}", f"{twice:g}", *out
+        return (str(int(half)), str(int(twice))) if self.whole else (f"{half:g}", f"{twice:g}")
 
 
 def constants() -> Iterator[Constant]:
@@ -108,8 +105,20 @@ def said(folder: Path, stated: str, asked: Sequence[str]) -> Mapping[str, Mappin
     return {one["device"]: one for one in every}
 
 
-def row(constant: Constant, value: str, base: Mapping[str, Any], other: Mapping[str, Any]) -> str:
-    """A line of the table."""
+def cases(only: Sequence[str] | None) -> Iterator[tuple[str, str, str]]:
+    """What is another: its name, as it stands, and what is said of it instead."""
+    for constant in constants():
+        if only is None or constant.name in only:
+            for other in constant.others():
+                yield f"`{constant.name}`", f"{constant.value:g}", f"{constant.name}={other}"
+    for name, stated in OUT.items():
+        if only is None or any(f"{one}=" in stated for one in only):
+            yield name, "", stated
+
+
+def row(name: str, value: str, stated: str, pair: Sequence[Mapping[str, Any]]) -> str:
+    """A line of the table: a case, what is said as it is and what is said then."""
+    base, other = pair
     both = base.keys() & other.keys()
 
     def says(one: Mapping[str, Any]) -> tuple[str, str]:
@@ -121,7 +130,7 @@ def row(constant: Constant, value: str, base: Mapping[str, Any], other: Mapping[
     p = stats.binomtest(lost, lost + won).pvalue if lost + won else 1.0
     misled = [sum(one[d]["misled"] for d in both) for one in (base, other)]
     return (
-        f"| `{constant.name}` | {constant.value:g} | {value} | {otherwise} | {lost} | {won} "
+        f"| {name} | {value} | {stated} | {otherwise} | {lost} | {won} "
         f"| {p:.2g} | {misled[0]} → {misled[1]} |"
     )
 
@@ -139,19 +148,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         build(options.build)
         return 0
     asked = ["--devices", str(options.devices), "--seed", str(options.seed)]
-    names = options.only or [constant.name for constant in constants()]
-    cases = [(c, value) for c in constants() if c.name in names for value in c.others()]
+    asked_for = list(cases(options.only))
     with tempfile.TemporaryDirectory() as scratch:
         folder = build(Path(scratch))
         with ThreadPoolExecutor(options.jobs) as pool:
             base = pool.submit(said, folder, "", asked)
-            runs = [pool.submit(said, folder, f"{c.name}={value}", asked) for c, value in cases]
+            runs = [pool.submit(said, folder, stated, asked) for *_, stated in asked_for]
             right = sum(one["right"] for one in base.result().values())
             print(f"{len(base.result())} devices, {right} right\n")
             print("| constant | value | instead | said otherwise | lost | won | p | misled |")
             print("|---|---|---|---|---|---|---|---|")
-            for (constant, value), run in zip(cases, runs, strict=True):
-                print(row(constant, value, base.result(), run.result()), flush=True)
+            for case, run in zip(asked_for, runs, strict=True):
+                print(row(*case, (base.result(), run.result())), flush=True)
     return 0
 
 

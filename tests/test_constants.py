@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from tests.constants import OUT, constants
+from tests.constants import OUT, cases, constants, row
 
 PAGE = Path(__file__).parents[1] / "docs" / "search.md"
 
@@ -18,14 +18,24 @@ def test_the_page_has_every_stated_constant_and_no_other() -> None:
     assert any("`prior_of_…`" in row for row in rows)
 
 
-def test_what_takes_a_constant_out_is_another_value_of_one_that_there_is() -> None:
+def test_each_constant_is_taken_out_once_by_another_value() -> None:
     values = {c.name: c.value for c in constants()}
-    assert OUT.keys() == {name for name in values if not name.startswith("prior_of_")}
-    assert all(float(out) != values[name] for name, out in OUT.items())
+    out = [one.split("=") for stated in OUT.values() for one in stated.split(",")]
+    assert sorted(name for name, _ in out) == sorted(values)
+    assert all(float(value) != values[name] for name, value in out)
+
+
+def test_the_table_has_a_line_for_each_other_value() -> None:
+    device = {"verdict": "explained", "said": "slip@q1", "right": True, "misled": False}
+    other = device | {"said": "gain@q1", "right": False}
+    asked = [*cases(["more"])]
+    assert [stated for *_, stated in asked] == ["more=0.125", "more=0.5", "more=1"]
+    line = row(*asked[0], ({"a": device, "b": device}, {"a": other, "b": device}))
+    assert line == "| `more` | 0.25 | more=0.125 | 1 | 1 | 0 | 1 | 0 → 0 |"
 
 
 def test_half_and_twice_of_a_whole_number_are_whole() -> None:
     for constant in constants():
-        half, twice, *_ = constant.others()
+        half, twice = constant.others()
         assert float(half) < constant.value < float(twice)
         assert constant.whole <= half.isdigit()

@@ -12,24 +12,18 @@
 
 use crate::Error;
 use crate::diagnosis::options::{LEVEL, SearchOptions};
-use crate::diagnosis::score::scored::{self, Judge, Scored, excluded_pose};
+use crate::diagnosis::score::scored::{self, Judge, Scored};
 use crate::diagnosis::score::{places, scan};
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::noise::source::LEAST_DOF;
 use crate::estimate::{Fit, Observations, fit};
 use crate::mechanism::{Mechanism, Target};
-use crate::model::Instance;
-use crate::numerics::credible_set::{AS_WELL, SURE, probabilities};
+use crate::numerics::credible_set::{SURE, probabilities};
 use crate::numerics::symmetric::dot;
 use crate::numerics::workers;
 
 /// Standard deviation of a reading that the fit ignores, in units of its own noise.
 const UNBOUNDED: f64 = 1e4;
-
-stated! {
-    /// Wrong readings beside what is at fault, at the most: more would explain away anything.
-    fn wrong_beside() -> usize = 1;
-}
 
 /// Number of candidates that are refitted, smallest remaining χ² first.
 const LIKELY: usize = 3;
@@ -136,8 +130,6 @@ struct Released<'a> {
     /// How many of them are given up.
     lost: f64,
     p_value: f64,
-    /// Readings and poses that are wrong whatever it does.
-    wrong: Vec<Scored>,
 }
 
 impl<'a> Released<'a> {
@@ -153,8 +145,7 @@ impl<'a> Released<'a> {
             return Ok(None);
         }
         let rest = fit(&released, start.model.instances.clone(), Some(start))?;
-        let (p_value, wrong) = (0.0, Vec::new());
-        Ok(Some(Self { start, target, released, rest, equations, lost, p_value, wrong }))
+        Ok(Some(Self { start, target, released, rest, equations, lost, p_value: 0.0 }))
     }
 
     fn isolated(&self) -> Isolated {
@@ -164,8 +155,7 @@ impl<'a> Released<'a> {
 
     /// χ² with what is paid for it.
     fn left(&self) -> f64 {
-        let paid = self.wrong.iter().map(Scored::paid);
-        self.rest.chi2 + EQUATION * self.lost + paid.sum::<f64>()
+        self.rest.chi2 + EQUATION * self.lost
     }
 
     /// Degrees of freedom of (73).
@@ -175,45 +165,22 @@ impl<'a> Released<'a> {
         (self.rest.dof - self.lost + own).min(self.equations - self.lost)
     }
 
-    /// Whether the rest closes within its noise, but for a few readings that are wrong.
+    /// Whether the rest closes within its noise, and no other reading or pose is wrong.
     fn closes(&mut self, judge: &Judge) -> Result<bool, Error> {
-        while let Some(scored) = self.wrong_reading(judge)? {
-            if self.wrong.len() == wrong_beside() {
-                return Ok(false);
-            }
-            let mut instances = self.rest.model.instances.clone();
-            leave_out(&scored, &mut self.released, &mut instances);
-            self.wrong.push(scored);
-            self.rest = fit(&self.released, instances, Some(&self.rest))?;
-            (self.equations, self.lost) = equations(&self.released, self.start, self.target);
-        }
         let dof = self.dof();
         self.p_value = judge.too_large(self.rest.chi2, dof);
-        Ok(dof >= LEAST_DOF && self.p_value > LEVEL)
+        Ok(dof >= LEAST_DOF && self.p_value > LEVEL && !self.has_wrong_readings(judge)?)
     }
 
-    /// The worst reading, or pose, that is wrong though this says nothing.
-    fn wrong_reading(&self, judge: &Judge) -> Result<Option<Scored>, Error> {
+    /// Whether a reading, or a pose, is wrong though this says nothing.
+    fn has_wrong_readings(&self, judge: &Judge) -> Result<bool, Error> {
         let mechanism = &self.released.mechanism;
         if !self.released.readings.held {
-            return Ok(None);
+            return Ok(false);
         }
-        let mut scored = places::bad_readings(&AtFit::new(&self.released, &self.rest), judge)?;
-        scored.retain(|s| !belongs(mechanism, s.instance.target, self.target));
-        let worst = scored.iter().filter(|s| s.charged() > 0.0);
-        let Some(worst) = worst.max_by(|a, b| a.charged().total_cmp(&b.charged())) else {
-            return Ok(None);
-        };
-        // Several wrong readings at once are the rarer story: chance may not tell it.
-        let mut here: Vec<Scored> = scored
-            .iter()
-            .filter(|s| s.instance.place == worst.instance.place)
-            .filter(|s| excluded_pose(&s.instance).is_none())
-            .copied()
-            .collect();
-        here.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let one = here.first().filter(|s| s.charged() >= worst.charged() - AS_WELL);
-        Ok(Some(*one.unwrap_or(worst)))
+        let scored = places::bad_readings(&AtFit::new(&self.released, &self.rest), judge)?;
+        let elsewhere = |s: &&Scored| !belongs(mechanism, s.instance.target, self.target);
+        Ok(scored.iter().filter(elsewhere).any(|s| s.charged() > 0.0))
     }
 
     /// Whether something else stands out.
@@ -224,14 +191,6 @@ impl<'a> Released<'a> {
             !scored::is_data(&s.instance) && !belongs(mechanism, s.instance.target, self.target)
         };
         Ok(scored.iter().any(|s| elsewhere(s) && s.charged() > 0.0))
-    }
-}
-
-/// Leaves a wrong pose out of a session, or gives a wrong reading its own parameter.
-fn leave_out(wrong: &Scored, observations: &mut Observations, instances: &mut Vec<Instance>) {
-    match excluded_pose(&wrong.instance) {
-        Some(pose) => observations.weights[pose] = 0.0,
-        None => instances.push(wrong.instance),
     }
 }
 

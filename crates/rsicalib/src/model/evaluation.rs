@@ -151,8 +151,8 @@ impl Model {
         let meta = &readings.blocks()[block];
         let mut site = self.site(readings, block, a);
         let mut out = [Lanes::ZERO; MOST_PARAMETERS];
-        let mut moved = Vec::new();
 
+        ws.moved.clear();
         ws.corrected.clear();
         ws.corrected.extend_from_slice(a);
         ws.electric.clear();
@@ -166,7 +166,7 @@ impl Model {
             let channel = e.channel;
             site.channel = channel;
             if let Some(own) = e.term.late(p).filter(|_| want.x || !absent(p)) {
-                site.followed = self.followed(&site, beta, (e.first, own), want.x, &mut moved);
+                site.followed = self.followed(&site, beta, (e.first, own), want.x, &mut ws.moved);
             }
             let row = &mut ws.mix[channel * channels..(channel + 1) * channels];
             match e.session.map(|s| meta.within(s)) {
@@ -207,7 +207,7 @@ impl Model {
             let p = &beta[s.first..s.first + s.width];
             site.channel = s.channel;
             site.place = s.place;
-            if !moved.is_empty() {
+            if !ws.moved.is_empty() {
                 site.late = self.late(beta, s.channel, 0)[1].lag;
             }
             let within = s.session.map_or(Lanes::ONE, |s| meta.within(s));

@@ -5,6 +5,7 @@ use crate::kinematics::posture::{Carried, Lever, Posture};
 use crate::model::compiled::Model;
 use crate::model::law_at::LawRoom;
 use crate::numerics::lanes::{Lanes, cross, dot};
+use crate::readings::course::{Late, Moved};
 
 /// The derivatives to compute.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,6 +32,8 @@ pub struct Workspace {
     /// Joint coordinates after all corrections, one per channel.
     pub angles: Vec<Lanes>,
     pub(crate) corrected: Vec<Lanes>,
+    /// What late channels followed: several of their terms ask for the same.
+    pub(super) moved: Vec<(usize, Late, Moved)>,
     pub(super) slopes: Vec<Lanes>,
     pub(super) mix: Vec<Lanes>,
     pub(super) partials: Vec<(usize, usize, Lanes)>,

@@ -1,10 +1,9 @@
 //! [`Lag`].
 
 use crate::mechanism::{Mechanism, Target};
-use crate::numerics::lanes::Lanes;
 use crate::readings::course::Late;
-use crate::terms::follows;
-use crate::terms::term::{Acts, Electronics, Info, Site, Term};
+use crate::terms::follows::Follows;
+use crate::terms::term::{Acts, Info, Term};
 
 term! {
     /// Channels that are late.
@@ -37,20 +36,10 @@ impl Term for Lag {
     }
 }
 
-impl Electronics for Lag {
-    fn correction(&self, _p: &[f64], site: &Site) -> Lanes {
-        follows::correction(site)
-    }
+impl Follows for Lag {
+    const BY: usize = 1;
 
-    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
-        out[0] = follows::partial(1, site);
-    }
-
-    fn late(&self, p: &[f64]) -> Option<Late> {
-        Some(Late { lag: p[0], square: None })
-    }
-
-    fn slopes(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
-        out[site.channel] += follows::slope(site);
+    fn says(&self, parameter: f64) -> Late {
+        Late { lag: parameter, square: None }
     }
 }

@@ -1,10 +1,9 @@
 //! [`Servo`].
 
 use crate::mechanism::{Mechanism, Target};
-use crate::numerics::lanes::Lanes;
 use crate::readings::course::Late;
-use crate::terms::follows;
-use crate::terms::term::{Acts, Electronics, Info, Site, Term};
+use crate::terms::follows::Follows;
+use crate::terms::term::{Acts, Info, Term};
 
 term! {
     /// Channels that come to their goal by degrees.
@@ -36,20 +35,10 @@ impl Term for Servo {
     }
 }
 
-impl Electronics for Servo {
-    fn correction(&self, _p: &[f64], site: &Site) -> Lanes {
-        follows::correction(site)
-    }
+impl Follows for Servo {
+    const BY: usize = 2;
 
-    fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
-        out[0] = follows::partial(2, site);
-    }
-
-    fn late(&self, p: &[f64]) -> Option<Late> {
-        Some(Late { lag: 0.0, square: Some(p[0]) })
-    }
-
-    fn slopes(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
-        out[site.channel] += follows::slope(site);
+    fn says(&self, parameter: f64) -> Late {
+        Late { lag: 0.0, square: Some(parameter) }
     }
 }
