@@ -88,11 +88,13 @@ def _drawn(
             f'<text class="tick" transform="translate({x:.1f} {head - 6:.1f}) rotate(-90)">'
             f"{escape(shown)}</text>"
         )
-        _linked(canvas, links.get(name))
+        if across and name in links:
+            canvas.lead(links[name])
     for r, row in enumerate(rows):
         y = head + ROW * r
         canvas.text(left - 6.0, y + 10.0, fitted(row, left - 8.0), anchor="end")
-        _linked(canvas, links.get(row))
+        if not across and row in links:
+            canvas.lead(links[row])
         for k, column in enumerate(columns):
             sd = float(far[r, k])
             said = f"{column}, {row}: " if across else f"{row}, {column}: "
@@ -100,12 +102,6 @@ def _drawn(
             canvas.rect(left + wide * k, y, wide - 0.5, ROW - 0.5, _kind(sd), said)
     _scale(canvas, left)
     return canvas.svg("devices by parameters, in standard deviations from the median")
-
-
-def _linked(canvas: Canvas, link: str | None) -> None:
-    """Make what was drawn last lead somewhere."""
-    if link is not None:
-        canvas.parts[-1] = f'<a href="{escape(link)}">{canvas.parts[-1]}</a>'
 
 
 def _kind(sd: float) -> str:

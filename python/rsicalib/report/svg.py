@@ -177,6 +177,8 @@ class Canvas:
     width: float
     height: float
     parts: list[str] = field(default_factory=list)
+    links: list[str] = field(default_factory=list)
+    """Where parts lead."""
 
     def text(
         self, x: float, y: float, words: str, *, anchor: str = "start", kind: str = "tick"
@@ -249,11 +251,16 @@ class Canvas:
             f'<{"polygon" if closed else "polyline"} class="{kind}"{more} points="{where}"/>'
         )
 
+    def lead(self, link: str) -> None:
+        """Make what was drawn last lead somewhere."""
+        self.parts[-1] = f'<a href="{escape(link)}">{self.parts[-1]}</a>'
+        self.links.append(link)
+
     def svg(self, words: str) -> str:
         """The `<svg>` element; `words` describe it to who cannot see it."""
         inner = "\n".join(self.parts)
         # A picture is one thing; nothing in it could be reached.
-        role = "group" if "<a " in inner else "img"
+        role = "group" if self.links else "img"
         return (
             f'<svg viewBox="0 0 {self.width:g} {self.height:g}" role="{role}" '
             f'aria-label="{escape(words)}" xmlns="http://www.w3.org/2000/svg">\n{inner}\n</svg>'
