@@ -1,7 +1,8 @@
 #!/bin/sh
-# Tests of the core, and its documentation. Tests have the profile of the wheel, so that both have the same
-# dependencies; so has the documentation. What benches need is not built.
+# Tests of the core, its documentation, and what clippy says of every crate. Tests have the profile of the wheel and, with the
+# whole workspace, its features, so that all have the same dependencies. Benches are compiled and read, not run.
 set -eu
 cd "$(dirname "$0")/.."
-RUSTC_WRAPPER="$PWD/scripts/rustc_of_tests.sh" cargo test --workspace --exclude rsicalib-benches --all-features --release --quiet
-RUSTDOCFLAGS="-D warnings" cargo doc --release --workspace --no-deps --all-features --quiet
+export RUSTC_WRAPPER="$PWD/scripts/rustc_of_check.sh" RUSTDOC="$PWD/scripts/rustdoc_of_check.sh"
+cargo test --workspace --all-features --release --quiet
+cargo build --workspace --all-features --release --quiet --bench '*'

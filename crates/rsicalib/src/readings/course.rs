@@ -33,6 +33,7 @@
 //! square of `T`, and of `-T²` it is the opposite.
 
 use std::borrow::Cow;
+use std::iter::zip;
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -208,7 +209,7 @@ impl Courses {
         let (noise, ways) = (vec![0.0; channels], vec![OnceLock::new(); channels]);
         let mut courses = Self { run, reach, bent, noise, ways, locals };
         let best = |terms| -> (Vec<usize>, Vec<f64>) {
-            (0..channels).map(|c| courses.best_reach(table, c, terms)).unzip()
+            courses.best_reaches(table, terms).into_iter().unzip()
         };
         let ((reach, noise), (bent, _)) = (best(PARABOLA), best(QUARTIC));
         (courses.reach, courses.noise, courses.bent) = (reach, noise, bent);
@@ -230,8 +231,9 @@ impl Courses {
         weights.add(&local, [ZERO, local.basis(0.0)[1], ZERO]);
         let value = |row: usize| table.values[row * self.reach.len() + channel];
         // Weights sum to zero: what all rows have in common would only round.
-        let (velocity, square) =
-            weights.rows().fold((0.0, 0.0), |(sum, square), (k, [_, w, _])| {
+        let [_, weights_of_rows, _] = weights.of_rows(&weights.rows());
+        let (velocity, square) = zip(weights.rows(), weights_of_rows)
+            .fold((0.0, 0.0), |(sum, square), (k, w)| {
                 (sum + w * (value(k) - value(row)), square + w * w)
             });
         let long = time[local.end - 1] - time[local.first];
@@ -350,32 +352,50 @@ impl Courses {
         Local::through(time, self.about_rows(row, reach), time[row], terms)
     }
 
-    /// The reach whose polynomials, each without its own row, predict the rows best, and by what they are off,
-    /// root mean square.
-    fn best_reach(&self, table: &Table, channel: usize, terms: usize) -> (usize, f64) {
-        let Some(time) = &table.time else { return (FARTHEST, 0.0) };
+    /// For each channel the reach whose polynomials, each without its own row, predict the rows best, and by what
+    /// they are off, root mean square. The weights of a row are those of all channels.
+    fn best_reaches(&self, table: &Table, terms: usize) -> Vec<(usize, f64)> {
+        let channels = self.reach.len();
+        let Some(time) = &table.time else { return vec![(FARTHEST, 0.0); channels] };
         let inner = |row: &usize| {
             let [start, end] = self.run[*row].map(|row| row as usize);
             row - start >= FARTHEST && end - row > FARTHEST
         };
         let rows: Vec<usize> = (0..self.run.len()).filter(inner).collect();
         let apart = rows.len().div_ceil(COMPARED).max(1);
-        let value = |row: usize| table.values[row * self.reach.len() + channel];
-        let error = |reach: usize| -> f64 {
-            let of_row = |&row: &usize| {
+        let values = |row: usize| &table.values[row * channels..][..channels];
+        let errors = |reach: usize| -> Vec<f64> {
+            let mut squares = vec![0.0; channels];
+            let mut off = vec![0.0; channels];
+            for &row in rows.iter().step_by(apart) {
                 let local = self.about(time, row, reach, terms);
                 let mut weights = Weights::from(local.first);
                 weights.add(&local, [local.basis(0.0)[0], ZERO, ZERO]);
                 // Weights sum to one.
-                let off: f64 = weights.rows().map(|(k, [w, ..])| w * (value(row) - value(k))).sum();
-                (off / (1.0 - weights.at(row)[0])).powi(2)
-            };
-            rows.iter().step_by(apart).map(of_row).sum()
+                off.fill(0.0);
+                let [of_rows, ..] = weights.of_rows(&weights.rows());
+                for (k, w) in zip(weights.rows(), of_rows) {
+                    for (off, (own, other)) in off.iter_mut().zip(zip(values(row), values(k))) {
+                        *off += w * (own - other);
+                    }
+                }
+                let without = 1.0 - of_rows[row - weights.first];
+                zip(&mut squares, &off)
+                    .for_each(|(square, off)| *square += (off / without).powi(2));
+            }
+            squares
         };
+        let errors: Vec<(usize, Vec<f64>)> = (terms.div_euclid(2) + 1..=FARTHEST)
+            .rev()
+            .map(|reach| (reach, errors(reach)))
+            .collect();
         // The longest of those that are alike, as of a channel that stands still.
-        let best = (terms.div_euclid(2) + 1..=FARTHEST).rev().map(|reach| (error(reach), reach));
-        let (square, reach) = best.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, FARTHEST));
-        (reach, (square * apart as f64 / rows.len().max(1) as f64).sqrt())
+        let best = |channel: usize| {
+            let of = errors.iter().map(|(reach, squares)| (squares[channel], *reach));
+            let best = of.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, FARTHEST));
+            (best.1, (best.0 * apart as f64 / rows.len().max(1) as f64).sqrt())
+        };
+        (0..channels).map(best).collect()
     }
 }
 
@@ -390,8 +410,8 @@ struct Local {
     b: [f64; QUARTIC],
     /// Polynomials that these rows tell.
     told: usize,
-    /// `p_k / Σ p_k²` at each row.
-    at_rows: [[f64; QUARTIC]; MOST],
+    /// `p_k / Σ p_k²` of each `k`, at each row.
+    at_rows: [[f64; MOST]; QUARTIC],
 }
 
 impl Local {
@@ -399,26 +419,25 @@ impl Local {
         let zero = [0.0; QUARTIC];
         let (first, end, told) = (rows.start, rows.end, terms.min(rows.len()));
         let (mut a, mut b, mut squares) = (zero, zero, zero);
-        let mut p = [zero; MOST];
-        let rows = &time[rows];
-        p.iter_mut().for_each(|p| p[0] = 1.0);
+        let mut p = [[0.0; MOST]; QUARTIC];
+        let time = &time[rows];
+        p[0].fill(1.0);
         for k in 0..told {
             let [mut square, mut moment] = [0.0; 2];
-            for (t, p) in rows.iter().zip(&p) {
-                let own = p[k] * p[k];
-                (square, moment) = (square + own, moment + (t - origin) * own);
+            for (t, p) in zip(time, p[k]) {
+                (square, moment) = (square + p * p, moment + (t - origin) * p * p);
             }
             (squares[k], a[k]) = (square, moment / square);
             b[k] = if k > 0 { square / squares[k - 1] } else { 0.0 };
             if k + 1 < told {
-                for (t, p) in rows.iter().zip(&mut p) {
-                    let before = if k > 0 { p[k - 1] } else { 0.0 };
-                    p[k + 1] = (t - origin - a[k]) * p[k] - b[k] * before;
+                for (row, t) in time.iter().enumerate() {
+                    let before = if k > 0 { p[k - 1][row] } else { 0.0 };
+                    p[k + 1][row] = (t - origin - a[k]) * p[k][row] - b[k] * before;
                 }
             }
         }
-        for p in &mut p {
-            p.iter_mut().zip(&squares[..told]).for_each(|(p, square)| *p /= square);
+        for (p, square) in zip(&mut p, &squares[..told]) {
+            p.iter_mut().for_each(|p| *p /= square);
         }
         Self { first, end, origin, a, b, told, at_rows: p }
     }
@@ -456,51 +475,60 @@ impl Local {
 struct Weights {
     first: usize,
     end: usize,
-    of: [Sum<f64>; 2 * MOST + 1],
+    of: Sum<[f64; 2 * MOST + 1]>,
 }
 
 impl Weights {
     /// None, of rows from `first` on.
     const fn from(first: usize) -> Self {
-        Self { first, end: first, of: [[0.0; 3]; 2 * MOST + 1] }
+        Self { first, end: first, of: [[0.0; 2 * MOST + 1]; 3] }
     }
 
     /// Adds a polynomial, given by what its `p` are and their derivatives.
     fn add(&mut self, local: &Local, of: Sum<[f64; QUARTIC]>) {
         self.end = self.end.max(local.end);
-        let at = local.first - self.first;
-        for (to, p) in self.of[at..].iter_mut().zip(&local.at_rows[..local.end - local.first]) {
-            for (to, of) in to.iter_mut().zip(&of) {
-                *to += of.iter().zip(p).map(|(of, p)| of * p).sum::<f64>();
+        let (at, rows) = (local.first - self.first, local.end - local.first);
+        for (to, of) in zip(&mut self.of, of) {
+            let to = &mut to[at..at + rows];
+            for (p, of) in zip(&local.at_rows, of).filter(|(_, of)| *of != 0.0) {
+                zip(to.iter_mut(), &p[..rows]).for_each(|(to, p)| *to += of * p);
             }
         }
     }
 
-    fn rows(&self) -> impl Iterator<Item = (usize, Sum<f64>)> {
-        (self.first..self.end).zip(self.of)
+    fn rows(&self) -> Range<usize> {
+        self.first..self.end
     }
 
-    /// Weights of a row; zero for one that has none.
-    fn at(&self, row: usize) -> Sum<f64> {
-        if (self.first..self.end).contains(&row) { self.of[row - self.first] } else { [0.0; 3] }
+    /// Weights of some rows.
+    fn of_rows(&self, rows: &Range<usize>) -> Sum<&[f64]> {
+        self.of.each_ref().map(|of| &of[rows.start - self.first..rows.end - self.first])
     }
 
     /// The change since `row` that has these weights and those of others, and what both make of the noise of
     /// that row, (164).
-    fn with(&self, others: &Self, row: usize, value: impl Fn(usize) -> f64) -> [Sum<f64>; 2] {
-        let both = self.rows().map(|(k, own)| {
-            let more = others.at(k);
-            (k, std::array::from_fn(|i| own[i] + more[i]))
-        });
-        let alone = others.rows().filter(|(k, _)| !(self.first..self.end).contains(k));
+    fn with(mut self, others: &Self, row: usize, value: impl Fn(usize) -> f64) -> [Sum<f64>; 2] {
+        let both = self.first.max(others.first)..self.end.min(others.end);
+        let (before, after) = if both.is_empty() {
+            (others.rows(), others.end..others.end)
+        } else {
+            for (to, more) in zip(&mut self.of, others.of_rows(&both)) {
+                zip(&mut to[both.start - self.first..], more).for_each(|(to, more)| *to += more);
+            }
+            (others.first..both.start, both.end..others.end)
+        };
         let [mut change, mut half] = [[0.0; 3]; 2];
-        for (k, weights) in both.chain(alone) {
-            // Weights sum to zero: what all rows have in common would only round.
-            let apart = value(k) - value(row);
-            let whole = weights[0] + f64::from(u8::from(k == row));
-            for i in 0..3 {
-                change[i] += weights[i] * apart;
-                half[i] += whole * if i == 0 { whole } else { weights[i] };
+        // Weights sum to zero: what all rows have in common would only round.
+        let own = value(row);
+        for (of, rows) in [(&self, self.rows()), (others, before), (others, after)] {
+            let [whole, by_lag, by_square] = of.of_rows(&rows);
+            for (k, w) in zip(rows, zip(whole, zip(by_lag, by_square))) {
+                let w = [*w.0, *w.1.0, *w.1.1];
+                let (apart, whole) = (value(k) - own, w[0] + f64::from(u8::from(k == row)));
+                for i in 0..3 {
+                    change[i] += w[i] * apart;
+                    half[i] += whole * if i == 0 { whole } else { w[i] };
+                }
             }
         }
         let spread = half[0].sqrt();

@@ -36,8 +36,8 @@ pub struct Errors {
     pub(super) square: Vec<f64>,
     /// `Aᵀ r - (Aᵀ Q) p`
     gradient: Vec<f64>,
-    /// `Qᵀ a` of each sample.
-    absorbed: Vec<Vec<f64>>,
+    /// `Qᵀ a`, a column for each sample.
+    absorbed: Mat<f64>,
     /// Orthonormal functions of the samples that no law has a part of.
     apart: Vec<Vec<f64>>,
 }
@@ -45,18 +45,18 @@ pub struct Errors {
 impl Errors {
     /// Of a channel in samples at a fit, by laws that have no part of the functions `apart`.
     pub fn of(at: &AtFit, rows: &[usize], channel: usize, apart: &[Vec<f64>]) -> Self {
-        let (mut square, mut gradient, mut absorbed) = (Vec::new(), Vec::new(), Vec::new());
-        for &row in rows {
-            let (mut aa, mut ar, mut aq) = (0.0, 0.0, vec![0.0; at.rank()]);
+        let (mut square, mut gradient) = (Vec::new(), Vec::new());
+        let mut absorbed = Mat::zeros(at.rank(), rows.len());
+        for (p, &row) in rows.iter().enumerate() {
+            let (mut aa, mut ar, aq) = (0.0, 0.0, absorbed.col_as_slice_mut(p));
             for e in at.equations(row) {
                 let a = at.by_reading(e, channel);
                 aa += a * a;
                 ar += a * at.residuals.whitened[e];
-                add_scaled(&mut aq, a, at.q(e));
+                add_scaled(aq, a, at.q(e));
             }
             square.push(aa);
-            gradient.push(ar - dot(&aq, &at.pull));
-            absorbed.push(aq);
+            gradient.push(ar - dot(aq, &at.pull));
         }
         Self { square, gradient, absorbed, apart: apart.to_vec() }
     }
@@ -123,16 +123,42 @@ impl Errors {
     pub(super) fn normal(&self, basis: &Basis) -> (DMatrix<f64>, DVector<f64>) {
         let m = basis.degrees.len();
         let values = MatRef::from_row_major_slice(&basis.values, self.square.len(), m);
-        let rank = self.absorbed.first().map_or(0, Vec::len);
         let weighted = Mat::from_fn(values.nrows(), m, |p, j| self.square[p] * values[(p, j)]);
-        let absorbed = Mat::from_fn(rank, values.nrows(), |i, p| self.absorbed[p][i]);
-        let taken = absorbed * values;
+        let taken = &self.absorbed * values;
         let square = values.transpose() * weighted - taken.transpose() * &taken;
         let gradient = values.transpose() * ColRef::from_slice(&self.gradient);
         // Both halves are the same to the bit.
         let square = DMatrix::from_fn(m, m, |i, j| square[(i.min(j), i.max(j))]);
         (square, DVector::from_fn(m, |j, _| gradient[j]))
     }
+
+    /// A column of (71), given by its value in each sample.
+    pub(super) fn column(&self, values: Vec<f64>) -> Column {
+        let taken = &self.absorbed * ColRef::from_slice(&values);
+        Column {
+            plain: values.iter().zip(&self.square).map(|(v, square)| v * v * square).sum(),
+            along: dot(&values, &self.gradient),
+            taken: taken.iter().copied().collect(),
+            values,
+        }
+    }
+
+    /// An entry of `M` of (71).
+    pub(super) fn entry(&self, a: &Column, b: &Column) -> f64 {
+        let both = a.values.iter().zip(&b.values).zip(&self.square);
+        both.map(|((a, b), square)| a * b * square).sum::<f64>() - dot(&a.taken, &b.taken)
+    }
+}
+
+/// A function of the samples, and what the fit takes of it.
+pub(super) struct Column {
+    values: Vec<f64>,
+    /// `Qᵀ z`
+    taken: Vec<f64>,
+    /// `Σ a²` of it, before the fit takes its part.
+    pub(super) plain: f64,
+    /// Its entry of `u`.
+    pub(super) along: f64,
 }
 
 /// How likely a law is.
@@ -203,6 +229,7 @@ impl Basis {
 
 #[cfg(test)]
 mod tests {
+    use faer::Mat;
     use nalgebra::{DMatrix, DVector};
 
     use super::{Basis, Errors, SMOOTH, law_amplitudes};
@@ -230,7 +257,7 @@ mod tests {
         let errors = Errors {
             square: a.iter().map(|a| a * a).collect(),
             gradient: a.iter().zip(&r).map(|(a, r)| a * r).collect(),
-            absorbed: a.iter().zip(&q).map(|(a, q)| vec![a * q]).collect(),
+            absorbed: Mat::from_fn(1, n, |_, p| a[p] * q[p]),
             apart: Vec::new(),
         };
         (errors, a, q, r)

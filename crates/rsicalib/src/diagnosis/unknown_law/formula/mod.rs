@@ -16,12 +16,13 @@ mod refined;
 mod shapes;
 mod sums;
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::price::{Data, charge};
-use crate::diagnosis::unknown_law::evidence::{Basis, Errors};
+use crate::diagnosis::unknown_law::evidence::{Basis, Column, Errors};
 use crate::diagnosis::unknown_law::formula::refined::refine;
 use crate::diagnosis::unknown_law::formula::shapes::{Kind, Named, Product, Span, products};
 use crate::diagnosis::unknown_law::formula::sums::{MOST, SMALL, Sum, choices, fall, solved, sums};
@@ -70,7 +71,8 @@ pub(super) fn written(
         quantities.iter().map(|quantity| name(at, rows, channel, *quantity)).collect();
     let named = named?;
     let products = products(&named);
-    let columns = Columns { named: &named, errors, gain: mechanism.channels[channel].gain };
+    let gain = mechanism.channels[channel].gain;
+    let columns = Columns { named: &named, errors, gain, last: RefCell::default() };
     let (square, gradient, shows) = columns.of(&products);
     let less = |fall: f64| data.of((chi2 - fall).max(0.0)) - data.of(chi2);
     let price = |fall: f64, width: usize, moved: usize| {
@@ -133,6 +135,8 @@ struct Columns<'a> {
     named: &'a [Named],
     errors: &'a Errors,
     gain: f64,
+    /// Those of the sum that was asked for last: of the next, most are the same.
+    last: RefCell<Vec<(Product, Column)>>,
 }
 
 impl Columns<'_> {
@@ -159,8 +163,26 @@ impl Columns<'_> {
 
     /// By how much χ² falls with a sum of these; none where they do not show, or are alike.
     fn fall(&self, products: &[Product]) -> Option<f64> {
-        let (square, gradient, shows) = self.of(products);
-        (shows.len() == products.len()).then(|| fall(&shows, &square, &gradient))?
+        let mut last = self.last.take();
+        let kept = |one: &Product, last: &mut Vec<(Product, Column)>| {
+            let at = last.iter().position(|(product, _)| product == one)?;
+            Some(last.swap_remove(at))
+        };
+        let own = |one: &Product| {
+            let values = one.values(self.named).iter().map(|v| v / self.gain).collect();
+            (one.clone(), self.errors.column(values))
+        };
+        let of: Vec<(Product, Column)> =
+            products.iter().map(|one| kept(one, &mut last).unwrap_or_else(|| own(one))).collect();
+        let m = of.len();
+        let square = DMatrix::from_fn(m, m, |i, j| {
+            if i <= j { self.errors.entry(&of[i].1, &of[j].1) } else { 0.0 }
+        });
+        let gradient = DVector::from_fn(m, |j, _| of[j].1.along);
+        let shows = (0..m).all(|j| square[(j, j)] > SMALL * of[j].1.plain);
+        self.last.replace(of);
+        let all: Vec<usize> = (0..m).collect();
+        shows.then(|| fall(&all, &square, &gradient))?
     }
 }
 
