@@ -21,19 +21,11 @@ STUB = Path(__file__).parents[1] / "python" / "rsicalib" / "_core.pyi"
 PARAMETERS = {
     "unit_of_key.key": "str",
     "align": "bool",
-    "budget.covariance": "Array",
-    "budget.between": "Sequence[float]",
-    "budget.dof": "float | None",
+    "certify.result": "str",
     "confidence": "float",
-    "expanded": "float",
-    "known": "float",
     "known_poses": "tuple[Mapping[str, Any], Array, str | None, bool]",
     "limit": "float",
-    "seen": "tuple[float, float, int, float] | None",
-    "draws": "int",
     "orientation": "bool",
-    "play": "float",
-    "unseen": "Sequence[tuple[Spec, Mapping[str, Any]]]",
     "alpha": "float | None",
     "angles": "Array",
     "beside": "Mapping[str, Any] | None",
@@ -138,9 +130,8 @@ PARAMETERS = {
     "estimates": "Array",
     "time_limit": "float | None",
     "state": "bytes",
-    "course.past": "Sequence[tuple[float, float, float]]",
-    "course.told": "Sequence[int]",
-    "course.tests": "int",
+    "history.last": "tuple[Mapping[str, Any], Array, Mapping[str, Any], float] | None",
+    "history.results": "Sequence[tuple[float, Sequence[Estimate], Sequence[Spec]]]",
 }
 
 RETURNS = {
@@ -190,8 +181,7 @@ RETURNS = {
     "Session.suppose": "dict[str, Any]",
     "Session.trace": "dict[str, Any]",
     "bound": "dict[str, Any]",
-    "budget": "dict[str, Any]",
-    "decide": "tuple[str, float | None]",
+    "certify": "dict[str, Any]",
     "calibrate_devices": "dict[str, list[Any]]",
     "calibrated_sensors": "Mechanism",
     "check": "dict[str, Any]",
@@ -203,6 +193,7 @@ RETURNS = {
     "usual": "tuple[tuple[float, float, float], tuple[int, float]] | None",
     "distances": "Array",
     "standing_out": "list[tuple[int, float, tuple[int, float | None] | None]]",
+    "declared": "dict[str, Any]",
     "fixture": "tuple[list[dict[str, Any]], int]",
     "jacobian": "Array",
     "lasting": "list[str]",
@@ -240,7 +231,7 @@ RETURNS = {
     "common_shifts": "list[dict[str, Any] | None]",
     "Monitor.restore": "None",
     "Monitor.state": "bytes",
-    "course": "dict[str, Any] | None",
+    "history": "tuple[list[dict[str, Any]], list[str], dict[str, Any] | None]",
 }
 
 HEAD = '''\

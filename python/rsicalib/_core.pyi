@@ -344,28 +344,6 @@ def bound_at(
 ) -> dict[str, Any]:
     """The Cramér-Rao bound for poses of shape (n, 6) that are to be visited."""
 
-def budget(
-    mechanism: Mechanism,
-    applied: Mapping[str, Any],
-    covariance: Array,
-    between: Sequence[float],
-    table: Mapping[str, Any],
-    dof: float | None,
-    play: float,
-    unseen: Sequence[tuple[Spec, Mapping[str, Any]]],
-    orientation: bool,
-    confidence: float,
-    draws: int,
-    seed: int,
-    checked: Any = None,
-) -> dict[str, Any]:
-    """What the largest error of a result over the rows of a table is made of, and how large it may be.
-
-    `dof` are those of the noise, None where it was declared; `play` is the standard deviation of each
-    coordinate; `checked` are known poses of a result that leaves something. The keys
-    are those of the core's `Budget`.
-    """
-
 def calibrate_devices(
     mechanism: Mechanism,
     tables: Sequence[Mapping[str, Any]],
@@ -391,6 +369,18 @@ def calibrated_sensors(mechanism: Mechanism, applied: Mapping[str, Any]) -> Mech
 def centre_of_population(mechanism: Mechanism) -> list[float]:
     """Readings from which offsets of a population are counted, one per channel."""
 
+def certify(
+    mechanism: Mechanism,
+    result: str,
+    table: Mapping[str, Any],
+    orientation: bool,
+    limit: float,
+    confidence: float,
+) -> dict[str, Any]:
+    """Whether the largest error of a result, given as its JSON text, is within a limit at the rows of a table:
+    an object with the keys of the core's `Certificate`.
+    """
+
 def check(
     mechanism: Mechanism,
     applied: Mapping[str, Any],
@@ -412,26 +402,8 @@ def compared(
     deviation of the difference, and whether it is beyond both uncertainties.
     """
 
-def course(
-    past: Sequence[tuple[float, float, float]], told: Sequence[int], tests: int
-) -> dict[str, Any] | None:
-    """What a parameter has done over results of (day, value, sd), by date: as in `history.json`; None
-    where that cannot be told. `told` are the results from which on something has changed, as one of
-    them says; `tests` is how many parameters are looked at.
-    """
-
-def decide(
-    limit: float,
-    expanded: float,
-    known: float,
-    confidence: float,
-    seen: tuple[float, float, int, float] | None = None,
-) -> tuple[str, float | None]:
-    """Whether a limit is kept, and the expanded uncertainty of what was seen at known poses.
-
-    `seen` is the largest error there, the standard deviation of a coordinate by noise, the number of
-    poses, and the largest error that noise alone makes elsewhere.
-    """
+def declared(mechanism: Mechanism) -> dict[str, Any]:
+    """The mechanism as it is declared, as a result on its way to readings."""
 
 def distances(devices: Array, usual: tuple[float, float, float]) -> Array:
     """Distance of each device from what is usual, in standard deviations; NaN where it is not known."""
@@ -482,6 +454,19 @@ def further(
 
     `left_out` are rows of the session that do not count; `off` are readings of poses that are
     struck off, of shape (m, channels); `from_` is a reading of where the mechanism stands.
+    """
+
+def history(
+    mechanism: Mechanism,
+    results: Sequence[tuple[float, Sequence[Estimate], Sequence[Spec]]],
+    last: tuple[Mapping[str, Any], Array, Mapping[str, Any], float] | None = None,
+) -> tuple[list[dict[str, Any]], list[str], dict[str, Any] | None]:
+    """What the parameters of a device have done over its results, in order of their dates.
+
+    Objects with `known` (the results that know a parameter, each with its number in it) and `course`, as in
+    `history.json`, None where that cannot be told; the effects that belong to single sessions; and, with the
+    last result, when the platform's error will exceed the target: `target`, `now`, and days from then on, `day`
+    and `from_day`.
     """
 
 def identifiable(
