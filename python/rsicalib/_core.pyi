@@ -328,6 +328,9 @@ class Term:
 def angles_at(mechanism: Mechanism, poses: Array) -> Array:
     """Joint coordinates that hold the platform at poses of shape (n, 6): (n, channels) [rad, or length]."""
 
+def beyond_chance(p_values: Sequence[float | None]) -> list[bool]:
+    """Which of some tests are beyond chance, by the probability of each, all of them counted in; None says nothing."""
+
 def bound(
     mechanism: Mechanism,
     counts: Array,
@@ -449,11 +452,13 @@ def further(
     from_: Array | None = None,
     way: float | None = None,
     seed: int = 0,
+    target: float | None = None,
 ) -> dict[str, Any]:
     """Chooses poses to visit after a session, beside the readings that it has.
 
     `left_out` are rows of the session that do not count; `off` are readings of poses that are
-    struck off, of shape (m, channels); `from_` is a reading of where the mechanism stands.
+    struck off, of shape (m, channels); `from_` is a reading of where the mechanism stands. With a `target` of the
+    platform's standard deviation, as few poses as reach it, and `standing`: how they stand to it.
     """
 
 def history(

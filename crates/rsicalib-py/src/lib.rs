@@ -96,6 +96,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(population::centre_of_population, module)?)?;
     module.add_function(wrap_pyfunction!(population::shares, module)?)?;
     module.add_function(wrap_pyfunction!(population::population, module)?)?;
+    module.add_function(wrap_pyfunction!(population::beyond_chance, module)?)?;
     module.add_function(wrap_pyfunction!(population::summed, module)?)?;
     module.add_function(wrap_pyfunction!(population::common_shifts, module)?)?;
     module.add_function(wrap_pyfunction!(population::usual, module)?)?;
