@@ -630,6 +630,16 @@ def readings_at(
     NaN in the rows out of reach, beyond a joint limit, or within `margin` of a range's end.
     """
 
+def rms_misclosure(
+    mechanism: Mechanism,
+    applied: Mapping[str, Any],
+    table: Mapping[str, Any],
+    counted: Sequence[bool],
+) -> float | None:
+    """How the loops close under a result in the rows of a table that are counted, root mean square [length unit]; None
+    where something is unknown beside the terms.
+    """
+
 def rsi_angles(poses: Array) -> Array:
     """Joint angles of the hand controller for poses of shape (n, 6): (n, 9), NaN out of reach [rad]."""
 

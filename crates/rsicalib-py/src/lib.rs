@@ -92,6 +92,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(apply::check, module)?)?;
     module.add_function(wrap_pyfunction!(monitor::open_loops, module)?)?;
     module.add_function(wrap_pyfunction!(monitor::expects_more, module)?)?;
+    module.add_function(wrap_pyfunction!(monitor::rms_misclosure, module)?)?;
     module.add_function(wrap_pyfunction!(history::history, module)?)?;
     module.add_function(wrap_pyfunction!(population::centre_of_population, module)?)?;
     module.add_function(wrap_pyfunction!(population::shares, module)?)?;

@@ -220,7 +220,7 @@ def first_line(
         cross or fewer than three groups are left.
     """
     parameters = [n for n in rows if f"{n}_sd" in rows]
-    at_once = max(1, CELLS // max(1, len(rows["verdict"])))
+    at_once = max(1, CELLS // max(1, len(rows["chi2"])))
     numbers = None if levels is None else levels.numbers
     shifts = []
     for start in range(0, len(parameters), at_once):
