@@ -19,6 +19,10 @@ RESULTS = 24
 SIZE = 12.0
 """Jumps, and drifts over the whole life, in standard deviations of a result with its scatter."""
 
+RSI = _core.Mechanism.rsi()
+OFFSET = (("offset", "a11", None), "offset")
+"""The parameter, and the mechanism that has it: any would do."""
+
 KINDS = {"still": (0, 0), "drift": (1, 0), "jump": (0, 1), "drift and jump": (1, 1)}
 
 
@@ -46,7 +50,8 @@ def trial(lives: int, seed: int, kind: str, scatter: float) -> tuple[Counter[str
     rates = levels = 0
     for _ in range(lives):
         past, rate, level = life(rng, kind, scatter)
-        found = _core.course(past, [], 1)
+        dated = [(day, [(*OFFSET, value, sd)], []) for day, value, sd in past]
+        found = _core.history(RSI, dated)[0][0]["course"]
         called[found["kind"]] += 1
         rates += abs(found["rate"] - rate) < found["wide"] * found["rate_sd"]
         levels += abs(found["level"][0] - level) < found["wide"] * found["level"][1]

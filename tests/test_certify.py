@@ -342,7 +342,7 @@ def test_what_changes_between_placements_is_a_part_of_its_own(traced: rsicalib.T
     size = 0.01
     changing = {"term": "offset", "target": "a11", "name": "offset", "sd": size, "unit": "rad"}
     values["between"] = {
-        "kind": "placements",
+        "kind": "placement",
         "groups": ["a", "b", "c"],
         "sd": 1.0,
         "interval": [0.1, 2.0],
@@ -390,18 +390,12 @@ def test_an_effect_that_is_not_applied_and_has_no_size_certifies_nothing(
 
 
 def test_an_effect_that_is_not_applied_is_known(traced: rsicalib.Trace) -> None:
-    class Left:
-        term, target, place = "curvature", "a22", None
-        applied = False
-        platform_rms = traced.steps[0].platform_rms
-
-    from rsicalib.verbs import certifying
-
-    left = rsicalib.Trace.from_dict(traced.to_dict())
-    object.__setattr__(left, "steps", (Left(),))
-    _, known = certifying._known(left, "position", 0.95, 0.02)
+    values = traced.to_dict()
+    values["steps"][0]["applied"] = False
+    known = rsicalib.certify(rsicalib.Trace.from_dict(values), limit=1.0).known
     assert known[-1].source == "effects not applied"
-    assert known[-1].error == pytest.approx(np.sqrt(3) * Left.platform_rms.position)  # type: ignore[union-attr,operator]
+    size = values["steps"][0]["platform_rms"]["position"]
+    assert known[-1].error == pytest.approx(np.sqrt(3) * size)
 
 
 def test_it_says_whose_places_it_is_of(traced: rsicalib.Trace) -> None:

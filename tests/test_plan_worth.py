@@ -15,7 +15,7 @@ import rsicalib
 from rsicalib import DEMO, InputError, Mechanism, _core
 from rsicalib.cli import main
 from rsicalib.facts.shapes import Name
-from rsicalib.planning.worthwhile import worthwhile
+from rsicalib.planning.worthwhile import worth_words
 from tests import cone
 from tests.machines import files
 from tests.machines.trials import MACHINES
@@ -58,10 +58,9 @@ def test_without_a_workspace_the_joint_limits_are_used() -> None:
     np.testing.assert_allclose(rsicalib.forward(held, free), plan.poses, atol=1e-6)
 
 
-def planned(gains: list[float], decides: float = 0.9, least: float = 20.0) -> dict[str, Any]:
+def planned(worth: list[bool], decides: float = 0.9, needed: float | None = None) -> dict[str, Any]:
     """What the core gives of a plan that is to decide."""
-    purposes = [{"kind": "tells", "apart": (0, 1), "gain": gain} for gain in gains]
-    return {"purposes": purposes, "forecast": {"decides": decides, "least_lambda": least}}
+    return {"worth": worth, "forecast": {"decides": decides}, "needed": needed}
 
 
 RIVALS = [
@@ -71,25 +70,22 @@ RIVALS = [
 
 
 def test_copies_of_a_pose_are_no_plan() -> None:
-    worth, advice = worthwhile(planned([8.0, 0.009, 6.0, 0.004]), RIVALS, 4)
-    assert worth == [True, False, True, False]
+    advice = worth_words(planned([True, False, True, False]), RIVALS)
     assert "2 of 4 poses" in advice[0]
 
 
 def test_poses_that_decide_nothing_are_no_plan_and_what_would_is_said() -> None:
-    worth, advice = worthwhile(planned([0.009] * 10, 0.01, 0.09), RIVALS, 10)
-    assert not any(worth)
-    text = " ".join(advice)
+    text = " ".join(worth_words(planned([False] * 10, 0.01), RIVALS))
     assert "no plan" in text and "a22" in text and "arm2/3" in text and "length" in text
 
 
 def test_poses_that_hardly_decide_say_how_many_would() -> None:
-    worth, advice = worthwhile(planned([1.0, 1.0, 1.0], 0.05, 3.0), RIVALS, 3)
-    assert all(worth)
+    three = [True] * 3
+    advice = worth_words(planned(three, 0.05, 12.0), RIVALS)
     assert "some 12 like them would be a decision" in " ".join(advice)
-    assert worthwhile(planned([9.0, 9.0, 9.0]), RIVALS, 3) == ([True] * 3, ())
-    worth, advice = worthwhile(planned([1.0, 1.0, 1.0], 0.05, 1e-5), RIVALS, 3)
-    assert all(worth) and "more like them do not decide it" in advice[0]
+    assert worth_words(planned(three, needed=1.8), RIVALS) == ()
+    advice = worth_words(planned(three, 0.05, 3.6e6), RIVALS)
+    assert "more like them do not decide it" in advice[0]
     assert "would be a decision" not in " ".join(advice) and "What would: " in advice[1]
 
 

@@ -328,6 +328,9 @@ class Term:
 def angles_at(mechanism: Mechanism, poses: Array) -> Array:
     """Joint coordinates that hold the platform at poses of shape (n, 6): (n, channels) [rad, or length]."""
 
+def beyond_chance(p_values: Sequence[float | None]) -> list[bool]:
+    """Which of some tests are beyond chance, by the probability of each, all of them counted in; None says nothing."""
+
 def bound(
     mechanism: Mechanism,
     counts: Array,
@@ -343,28 +346,6 @@ def bound_at(
     mechanism: Mechanism, offsets: Array, gains: Array, poses: Array, noise: float
 ) -> dict[str, Any]:
     """The Cramér-Rao bound for poses of shape (n, 6) that are to be visited."""
-
-def budget(
-    mechanism: Mechanism,
-    applied: Mapping[str, Any],
-    covariance: Array,
-    between: Sequence[float],
-    table: Mapping[str, Any],
-    dof: float | None,
-    play: float,
-    unseen: Sequence[tuple[Spec, Mapping[str, Any]]],
-    orientation: bool,
-    confidence: float,
-    draws: int,
-    seed: int,
-    checked: Any = None,
-) -> dict[str, Any]:
-    """What the largest error of a result over the rows of a table is made of, and how large it may be.
-
-    `dof` are those of the noise, None where it was declared; `play` is the standard deviation of each
-    coordinate; `checked` are known poses of a result that leaves something. The keys
-    are those of the core's `Budget`.
-    """
 
 def calibrate_devices(
     mechanism: Mechanism,
@@ -391,6 +372,18 @@ def calibrated_sensors(mechanism: Mechanism, applied: Mapping[str, Any]) -> Mech
 def centre_of_population(mechanism: Mechanism) -> list[float]:
     """Readings from which offsets of a population are counted, one per channel."""
 
+def certify(
+    mechanism: Mechanism,
+    result: str,
+    table: Mapping[str, Any],
+    orientation: bool,
+    limit: float,
+    confidence: float,
+) -> dict[str, Any]:
+    """Whether the largest error of a result, given as its JSON text, is within a limit at the rows of a table:
+    an object with the keys of the core's `Certificate`.
+    """
+
 def check(
     mechanism: Mechanism,
     applied: Mapping[str, Any],
@@ -412,26 +405,8 @@ def compared(
     deviation of the difference, and whether it is beyond both uncertainties.
     """
 
-def course(
-    past: Sequence[tuple[float, float, float]], told: Sequence[int], tests: int
-) -> dict[str, Any] | None:
-    """What a parameter has done over results of (day, value, sd), by date: as in `history.json`; None
-    where that cannot be told. `told` are the results from which on something has changed, as one of
-    them says; `tests` is how many parameters are looked at.
-    """
-
-def decide(
-    limit: float,
-    expanded: float,
-    known: float,
-    confidence: float,
-    seen: tuple[float, float, int, float] | None = None,
-) -> tuple[str, float | None]:
-    """Whether a limit is kept, and the expanded uncertainty of what was seen at known poses.
-
-    `seen` is the largest error there, the standard deviation of a coordinate by noise, the number of
-    poses, and the largest error that noise alone makes elsewhere.
-    """
+def declared(mechanism: Mechanism) -> dict[str, Any]:
+    """The mechanism as it is declared, as a result on its way to readings."""
 
 def distances(devices: Array, usual: tuple[float, float, float]) -> Array:
     """Distance of each device from what is usual, in standard deviations; NaN where it is not known."""
@@ -477,11 +452,26 @@ def further(
     from_: Array | None = None,
     way: float | None = None,
     seed: int = 0,
+    target: float | None = None,
 ) -> dict[str, Any]:
     """Chooses poses to visit after a session, beside the readings that it has.
 
     `left_out` are rows of the session that do not count; `off` are readings of poses that are
-    struck off, of shape (m, channels); `from_` is a reading of where the mechanism stands.
+    struck off, of shape (m, channels); `from_` is a reading of where the mechanism stands. With a `target` of the
+    platform's standard deviation, as few poses as reach it, and `standing`: how they stand to it.
+    """
+
+def history(
+    mechanism: Mechanism,
+    results: Sequence[tuple[float, Sequence[Estimate], Sequence[Spec]]],
+    last: tuple[Mapping[str, Any], Array, Mapping[str, Any], float] | None = None,
+) -> tuple[list[dict[str, Any]], list[str], dict[str, Any] | None]:
+    """What the parameters of a device have done over its results, in order of their dates.
+
+    Objects with `known` (the results that know a parameter, each with its number in it) and `course`, as in
+    `history.json`, None where that cannot be told; the effects that belong to single sessions; and, with the
+    last result, when the platform's error will exceed the target: `target`, `now`, and days from then on, `day`
+    and `from_day`.
     """
 
 def identifiable(
@@ -638,6 +628,16 @@ def readings_at(
     """Readings of shape (n, channels) that hold the platform at poses of shape (n, 6).
 
     NaN in the rows out of reach, beyond a joint limit, or within `margin` of a range's end.
+    """
+
+def rms_misclosure(
+    mechanism: Mechanism,
+    applied: Mapping[str, Any],
+    table: Mapping[str, Any],
+    counted: Sequence[bool],
+) -> float | None:
+    """How the loops close under a result in the rows of a table that are counted, root mean square [length unit]; None
+    where something is unknown beside the terms.
     """
 
 def rsi_angles(poses: Array) -> Array:

@@ -4,9 +4,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict};
 use pythonize::{depythonize, pythonize};
-use rsicalib::apply::budget::{Checked, Drawing, Errors, Quantity};
 use rsicalib::apply::check::Check;
-use rsicalib::apply::decision::{self, Seen};
 use rsicalib::apply::earlier::{self, Applied, Reference, Reported};
 use rsicalib::apply::export::{self, Exported, Note};
 use rsicalib::apply::moved::{Compared, Estimate};
@@ -21,9 +19,9 @@ use crate::tables::{PyKnown, PyTable, known_of, poses_of};
 use crate::threads::work;
 
 /// Term, target and place.
-type PySpec = (String, Option<String>, Option<String>);
+pub type PySpec = (String, Option<String>, Option<String>);
 
-fn spec_of((term, target, place): PySpec) -> Spec {
+pub fn spec_of((term, target, place): PySpec) -> Spec {
     Spec { term, target, place }
 }
 
@@ -31,7 +29,7 @@ fn spec_of((term, target, place): PySpec) -> Spec {
 ///
 /// Each of `parameters` is ((term, target, place), name, value); `centre`, `span` and
 /// `temperature` are those of the readings that they were found with.
-#[derive(FromPyObject)]
+#[derive(FromPyObject, IntoPyObject)]
 pub struct PyApplied {
     #[pyo3(item)]
     parameters: Vec<(PySpec, String, f64)>,
@@ -65,6 +63,24 @@ impl From<PyApplied> for Applied {
             own,
         }
     }
+}
+
+impl From<Applied> for PyApplied {
+    fn from(found: Applied) -> Self {
+        let Applied { parameters, reference, sigma, declared, closures, own } = found;
+        let Reference { centre, span, temperature } = reference;
+        let given = |Reported { spec: Spec { term, target, place }, name, value }| {
+            ((term, target, place), name, value)
+        };
+        let parameters = parameters.into_iter().map(given).collect();
+        Self { parameters, centre, span, temperature, sigma, declared, closures, own }
+    }
+}
+
+/// The mechanism as it is declared, as a result on its way to readings.
+#[pyfunction]
+pub fn declared(mechanism: &PyMechanism) -> PyApplied {
+    Applied::declared(&mechanism.0).into()
 }
 
 /// Names, values, standard deviations and held rows: shapes (k), (n, k), (n, k) and (n).
@@ -206,7 +222,11 @@ pub fn spec(term: String, target: Option<String>, place: Option<String>) -> Stri
 }
 
 /// Spec, name, value and standard deviation.
-type PyEstimate = (PySpec, String, Option<f64>, Option<f64>);
+pub type PyEstimate = (PySpec, String, Option<f64>, Option<f64>);
+
+pub fn estimate_of((spec, name, value, sd): PyEstimate) -> Estimate {
+    Estimate { spec: spec_of(spec), name, value, sd }
+}
 
 /// Parameters that an earlier result knows, too: number among the new ones, before, after, standard
 /// deviation of the difference, and whether it is beyond both uncertainties.
@@ -216,8 +236,7 @@ pub fn compared(
     earlier: Vec<PyEstimate>,
     now: Vec<PyEstimate>,
 ) -> Vec<(usize, f64, f64, f64, bool)> {
-    let estimate = |(spec, name, value, sd)| Estimate { spec: spec_of(spec), name, value, sd };
-    let all = |given: Vec<PyEstimate>| given.into_iter().map(estimate).collect::<Vec<Estimate>>();
+    let all = |given: Vec<PyEstimate>| given.into_iter().map(estimate_of).collect::<Vec<_>>();
     rsicalib::apply::moved::compared(&mechanism.0, &all(earlier), &all(now))
         .into_iter()
         .map(|Compared { parameter, before, after, sd, moved }| {
@@ -275,74 +294,4 @@ pub fn fixture<'py>(
     let found = work(py, || rsicalib::apply::fixture::fixture(&mechanism.0, &table, &poses))?
         .map_err(PyError::from)?;
     Ok(pythonize(py, &found)?)
-}
-
-/// Term, target and place of an effect, and what its session leaves open of it.
-type PyUnseen<'py> = (PySpec, Bound<'py, PyAny>);
-
-/// Readings in known poses, number of the point that they are of, mean square of a coordinate of the errors,
-/// that by noise, and whether they were aligned.
-type PyChecked<'py> = (PyTable<'py>, Option<usize>, f64, f64, bool);
-
-/// What the largest error of a result over the rows of a table is made of, and how large it may be.
-///
-/// `dof` are those of the noise, None where it was declared; `play` is the standard deviation of each
-/// coordinate; `checked` are known poses of a result that leaves something. The keys
-/// are those of the core's `Budget`.
-#[pyfunction]
-#[pyo3(signature = (mechanism, applied, covariance, between, table, dof, play, unseen, orientation, confidence, draws, seed, checked=None))]
-#[expect(clippy::too_many_arguments, reason = "a call from Python, by name")]
-pub fn budget<'py>(
-    py: Python<'py>,
-    mechanism: &PyMechanism,
-    applied: PyApplied,
-    covariance: PyReadonlyArray2<'_, f64>,
-    between: Vec<f64>,
-    table: PyTable<'_>,
-    dof: Option<f64>,
-    play: f64,
-    unseen: Vec<PyUnseen<'py>>,
-    orientation: bool,
-    confidence: f64,
-    draws: usize,
-    seed: u64,
-    checked: Option<PyChecked<'_>>,
-) -> PyResult<Bound<'py, PyAny>> {
-    let (applied, table) = (applied.into(), table.table());
-    let covariance = covariance.as_array().iter().copied().collect();
-    let one = |(spec, left): PyUnseen<'py>| Ok((spec_of(spec), depythonize(&left)?));
-    let unseen = unseen.into_iter().map(one).collect::<PyResult<Vec<_>>>()?;
-    let dof = dof.unwrap_or(f64::INFINITY);
-    let checked = checked.map(|(table, point, square, noise, aligned)| {
-        let table = table.table();
-        Checked { table, point, square, noise, aligned }
-    });
-    let errors = Errors { covariance, between, dof, play, unseen, checked };
-    let quantity = if orientation { Quantity::Orientation } else { Quantity::Position };
-    let drawing = Drawing { quantity, confidence, draws, seed };
-    let found = work(py, || {
-        rsicalib::apply::budget::budget(&mechanism.0, &applied, &errors, table, &drawing)
-    })?
-    .map_err(PyError::from)?;
-    Ok(pythonize(py, &found)?)
-}
-
-/// Whether a limit is kept, and the expanded uncertainty of what was seen at known poses.
-///
-/// `seen` is the largest error there, the standard deviation of a coordinate by noise, the number of
-/// poses, and the largest error that noise alone makes elsewhere.
-#[pyfunction]
-#[pyo3(signature = (limit, expanded, known, confidence, seen=None))]
-pub fn decide<'py>(
-    py: Python<'py>,
-    limit: f64,
-    expanded: f64,
-    known: f64,
-    confidence: f64,
-    seen: Option<(f64, f64, usize, f64)>,
-) -> PyResult<(Bound<'py, PyAny>, Option<f64>)> {
-    let seen = seen
-        .map(|(largest, sd, poses, noise)| Seen::at_poses(largest, sd, poses, noise, confidence));
-    let decision = decision::decide(limit, expanded, known, seen);
-    Ok((pythonize(py, &decision)?, seen.map(|seen| seen.expanded)))
 }

@@ -12,6 +12,7 @@ use rsicalib::design::identifiability::{self, Counting, Identifiable};
 use rsicalib::design::information;
 use rsicalib::design::plan as planning;
 use rsicalib::design::plan::{PlanOptions, Within};
+use rsicalib::design::until::until;
 
 use crate::error::PyError;
 use crate::experiments::{flat, six, vector};
@@ -122,10 +123,11 @@ type PyExplained = (Vec<String>, f64, f64);
 /// Chooses poses to visit after a session, beside the readings that it has.
 ///
 /// `left_out` are rows of the session that do not count; `off` are readings of poses that are
-/// struck off, of shape (m, channels); `from_` is a reading of where the mechanism stands.
+/// struck off, of shape (m, channels); `from_` is a reading of where the mechanism stands. With a `target` of the
+/// platform's standard deviation, as few poses as reach it, and `standing`: how they stand to it.
 #[pyfunction]
 #[pyo3(signature = (session, rivals, *, poses, criterion=None, within=None, candidates=None,
-                    left_out=None, off=None, from_=None, way=None, seed=0))]
+                    left_out=None, off=None, from_=None, way=None, seed=0, target=None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn further<'py>(
     py: Python<'py>,
@@ -140,6 +142,7 @@ pub fn further<'py>(
     from_: Option<PyReadonlyArray1<'py, f64>>,
     way: Option<f64>,
     seed: i64,
+    target: Option<f64>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let count = |name, value: i64| usize::try_from(value).map_err(|_| negative(name, value));
     let default = FurtherOptions::default();
@@ -162,8 +165,11 @@ pub fn further<'py>(
             *weight = 0.0;
         }
     }
-    let found = work(py, || planning_further::further(&observations, &rivals, &options))?
-        .map_err(PyError::from)?;
+    let (found, standing) = work(py, || match target {
+        Some(target) => until(&observations, &rivals, &options, target).map(|(f, s)| (f, Some(s))),
+        None => planning_further::further(&observations, &rivals, &options).map(|f| (f, None)),
+    })?
+    .map_err(PyError::from)?;
     let (n, channels) = (found.waits.len(), observations.mechanism.channels.len());
     let out = PyDict::new(py);
     let with_pose = found.poses.len();
@@ -175,6 +181,9 @@ pub fn further<'py>(
     out.set_item("keys", found.table.keys)?;
     out.set_item("waits", found.waits)?;
     out.set_item("purposes", pythonize(py, &found.purposes)?)?;
+    out.set_item("worth", found.worth)?;
+    out.set_item("needed", found.needed)?;
+    out.set_item("standing", standing.map(|standing| pythonize(py, &standing)).transpose()?)?;
     out.set_item("merged", found.merged.iter().map(|m| (m[0], m[1])).collect::<Vec<_>>())?;
     out.set_item("kept", found.lambda.0)?;
     out.set_item("lambda", found.lambda.1)?;

@@ -3,8 +3,15 @@
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
-use rsicalib::report::read::{self, Document};
+use rsicalib::apply::budget::Quantity;
+use rsicalib::report::certificate::{self, Limit};
+use rsicalib::report::read::{self, Document, Refused};
 use rsicalib::report::schema;
+
+use crate::error::PyError;
+use crate::mechanism::PyMechanism;
+use crate::tables::PyTable;
+use crate::threads::work;
 
 mod python {
     pyo3::import_exception!(rsicalib.errors, ResultError);
@@ -13,12 +20,34 @@ mod python {
 /// A result from its JSON text, as plain values: checked against the types that made it.
 #[pyfunction]
 pub fn read_result<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyAny>> {
-    let read = read::read(text)
-        .map_err(|e| python::ResultError::new_err((e.place, e.found, e.expected)))?;
-    Ok(match read {
+    Ok(match read::read(text).map_err(refused)? {
         Document::Calibration(result) => pythonize(py, &*result)?,
         Document::Trace(result) => pythonize(py, &*result)?,
     })
+}
+
+fn refused(e: Refused) -> PyErr {
+    python::ResultError::new_err((e.place, e.found, e.expected))
+}
+
+/// Whether the largest error of a result, given as its JSON text, is within a limit at the rows of a table:
+/// an object with the keys of the core's `Certificate`.
+#[pyfunction]
+pub fn certify<'py>(
+    py: Python<'py>,
+    mechanism: &PyMechanism,
+    result: &str,
+    table: PyTable<'_>,
+    orientation: bool,
+    limit: f64,
+    confidence: f64,
+) -> PyResult<Bound<'py, PyAny>> {
+    let result = read::written(result).map_err(refused)?;
+    let quantity = if orientation { Quantity::Orientation } else { Quantity::Position };
+    let (table, asked) = (table.table(), Limit { quantity, limit, confidence });
+    let found = work(py, || certificate::certify(&mechanism.0, &result, table, asked))?
+        .map_err(PyError::from)?;
+    Ok(pythonize(py, &found)?)
 }
 
 /// JSON Schema of each format of results, as text: what can be read.

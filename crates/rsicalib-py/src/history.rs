@@ -1,22 +1,58 @@
 //! Results of one device over years.
 
+use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
-use rsicalib::history::Past;
+use rsicalib::history::{Dated, forecast, series};
 
-/// What a parameter has done over results of (day, value, sd), by date: as in `history.json`; None
-/// where that cannot be told. `told` are the results from which on something has changed, as one of
-/// them says; `tests` is how many parameters are looked at.
+use crate::apply::{PyApplied, PyEstimate, PySpec, estimate_of, spec_of};
+use crate::error::PyError;
+use crate::mechanism::PyMechanism;
+use crate::tables::PyTable;
+use crate::threads::work;
+
+/// Day, parameters, and where something has changed, as the result says.
+type PyDated = (f64, Vec<PyEstimate>, Vec<PySpec>);
+
+/// The last result, the covariance of its parameters, where the platform is looked at, and its target.
+type PyLast<'py> = (PyApplied, PyReadonlyArray2<'py, f64>, PyTable<'py>, f64);
+
+/// Series, effects of single sessions, and what is to come.
+type PyHistory<'py> = (Bound<'py, PyAny>, Vec<String>, Option<Bound<'py, PyAny>>);
+
+/// What the parameters of a device have done over its results, in order of their dates.
+///
+/// Objects with `known` (the results that know a parameter, each with its number in it) and `course`, as in
+/// `history.json`, None where that cannot be told; the effects that belong to single sessions; and, with the
+/// last result, when the platform's error will exceed the target: `target`, `now`, and days from then on, `day`
+/// and `from_day`.
 #[pyfunction]
-pub fn course<'py>(
+#[pyo3(signature = (mechanism, results, last=None))]
+pub fn history<'py>(
     py: Python<'py>,
-    past: Vec<(f64, f64, f64)>,
-    told: Vec<usize>,
-    tests: usize,
-) -> PyResult<Option<Bound<'py, PyAny>>> {
-    let past: Vec<Past> =
-        past.into_iter().map(|(day, value, sd)| Past { day, value, sd }).collect();
-    let found = rsicalib::history::course(&past, &told, tests);
-    Ok(found.map(|found| pythonize(py, &found)).transpose()?)
+    mechanism: &PyMechanism,
+    results: Vec<PyDated>,
+    last: Option<PyLast<'_>>,
+) -> PyResult<PyHistory<'py>> {
+    let dated = |(day, estimates, changed): PyDated| {
+        let estimates = estimates.into_iter().map(estimate_of).collect();
+        Dated { day, estimates, changed: changed.into_iter().map(spec_of).collect() }
+    };
+    let results: Vec<Dated> = results.into_iter().map(dated).collect();
+    let last = last.map(|(applied, covariance, table, target)| {
+        let covariance: Vec<f64> = covariance.as_array().iter().copied().collect();
+        (applied.into(), covariance, table.table(), target)
+    });
+    let (series, passing, forecast) = work(py, || {
+        let (series, passing) = series(&mechanism.0, &results)?;
+        let coming = last.map(|(applied, covariance, table, target)| {
+            forecast(&mechanism.0, &applied, &covariance, &series, table, target)
+        });
+        Ok::<_, rsicalib::Error>((series, passing, coming.transpose()?))
+    })?
+    .map_err(PyError::from)?;
+    let forecast = forecast.map(|forecast| pythonize(py, &forecast)).transpose()?;
+    let passing = passing.iter().map(ToString::to_string).collect();
+    Ok((pythonize(py, &series)?, passing, forecast))
 }

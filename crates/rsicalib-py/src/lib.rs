@@ -50,6 +50,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     add_class::<monitor::PyMonitor>(module)?;
     add_class::<apply::PyPlacer>(module)?;
     module.add_function(wrap_pyfunction!(documents::read_result, module)?)?;
+    module.add_function(wrap_pyfunction!(documents::certify, module)?)?;
     module.add_function(wrap_pyfunction!(documents::schemas, module)?)?;
     module.add_function(wrap_pyfunction!(documents::mechanism_schema, module)?)?;
     module.add_function(wrap_pyfunction!(documents::evidence_schema, module)?)?;
@@ -74,6 +75,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(design::workspace, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::rsi_angles, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::rsi_poses, module)?)?;
+    module.add_function(wrap_pyfunction!(apply::declared, module)?)?;
     module.add_function(wrap_pyfunction!(apply::places, module)?)?;
     module.add_function(wrap_pyfunction!(apply::exported, module)?)?;
     module.add_function(wrap_pyfunction!(apply::calibrated_sensors, module)?)?;
@@ -87,15 +89,15 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(raw::suspects, module)?)?;
     module.add_function(wrap_pyfunction!(raw::unlabelled, module)?)?;
     module.add_function(wrap_pyfunction!(raw::still_stretches, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::budget, module)?)?;
     module.add_function(wrap_pyfunction!(apply::check, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::decide, module)?)?;
     module.add_function(wrap_pyfunction!(monitor::open_loops, module)?)?;
     module.add_function(wrap_pyfunction!(monitor::expects_more, module)?)?;
-    module.add_function(wrap_pyfunction!(history::course, module)?)?;
+    module.add_function(wrap_pyfunction!(monitor::rms_misclosure, module)?)?;
+    module.add_function(wrap_pyfunction!(history::history, module)?)?;
     module.add_function(wrap_pyfunction!(population::centre_of_population, module)?)?;
     module.add_function(wrap_pyfunction!(population::shares, module)?)?;
     module.add_function(wrap_pyfunction!(population::population, module)?)?;
+    module.add_function(wrap_pyfunction!(population::beyond_chance, module)?)?;
     module.add_function(wrap_pyfunction!(population::summed, module)?)?;
     module.add_function(wrap_pyfunction!(population::common_shifts, module)?)?;
     module.add_function(wrap_pyfunction!(population::usual, module)?)?;

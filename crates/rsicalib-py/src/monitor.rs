@@ -157,6 +157,23 @@ pub fn open_loops(
     Ok(quieter.map(|text| (found.rms_misclosure, own, found.p_quieter, text)))
 }
 
+/// How the loops close under a result in the rows of a table that are counted, root mean square [length unit]; None
+/// where something is unknown beside the terms.
+#[pyfunction]
+pub fn rms_misclosure(
+    py: Python<'_>,
+    mechanism: &PyMechanism,
+    applied: PyApplied,
+    table: PyTable<'_>,
+    counted: Vec<bool>,
+) -> PyResult<Option<f64>> {
+    let (applied, table) = (applied.into(), table.table());
+    Ok(work(py, || {
+        rsicalib::monitor::closing::rms_misclosure(&mechanism.0, &applied, table, &counted)
+    })?
+    .map_err(PyError::from)?)
+}
+
 /// What a result expects of the misclosure of a table of readings, where that is more than `own`, that of
 /// its own session, explains; none where it is not.
 #[pyfunction]

@@ -174,6 +174,12 @@ pub fn summed<'py>(
     Ok(found.map(|found| pythonize(py, &found)).transpose()?)
 }
 
+/// Which of some tests are beyond chance, by the probability of each, all of them counted in; None says nothing.
+#[pyfunction]
+pub fn beyond_chance(p_values: Vec<Option<f64>>) -> Vec<bool> {
+    rsicalib::population::beyond_chance(&p_values)
+}
+
 /// Common shift of each parameter, from a row for each device (distance from the drawing, sd), by
 /// parameters: `{devices, value, half, between, between_interval, p_value}`, None for too few. `levels`
 /// says for each level in which group each device is; each then has `levels`, devices first.

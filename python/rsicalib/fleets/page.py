@@ -22,6 +22,7 @@ from rsicalib._core import Mechanism
 from rsicalib.facts.verdicts import EXIT_CODES, UNUSABLE
 from rsicalib.fleets.frames import numbers_of
 from rsicalib.fleets.map import map_figure
+from rsicalib.fleets.population import lacks_together, summed
 from rsicalib.fleets.standing_out import Remark, Spread
 from rsicalib.plain_text import counted
 from rsicalib.report.figure import Figure
@@ -222,7 +223,7 @@ def _fits(rows: Mapping[str, Sequence[Any]]) -> Figure | None:
     if len(known) < 2 * BINS:
         return None
     counts: list[int] = np.histogram(known, BINS, (0.0, 1.0))[0].tolist()
-    low, expected = counts[0], len(known) / BINS
+    expected = len(known) / BINS
 
     def draw(width: float) -> str:
         canvas = Canvas(width, HEIGHT)
@@ -238,10 +239,10 @@ def _fits(rows: Mapping[str, Sequence[Any]]) -> Figure | None:
         return canvas.svg("histogram of p-values")
 
     words = (
-        f"p-values of the test of fit. {low} devices have p below {1 / BINS:g}; by chance "
+        f"p-values of the test of fit. {counts[0]} devices have p below {1 / BINS:g}; by chance "
         f"{expected:.0f} would, which the line shows."
     )
-    if low > expected + 4.0 * math.sqrt(expected):
+    if lacks_together(summed(rows)):
         words += " The devices as a whole lack an effect that one device alone may not show."
     return Figure("fits", draw, words)
 

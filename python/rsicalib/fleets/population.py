@@ -22,7 +22,15 @@ from rsicalib.options import names
 from rsicalib.work.arguments import noise_of_channels
 from rsicalib.work.prior import FORMAT
 
-__all__ = ["ShareJob", "first_line", "joint", "sentences", "tolerances_of"]
+__all__ = [
+    "ShareJob",
+    "first_line",
+    "joint",
+    "lacks_together",
+    "sentences",
+    "summed",
+    "tolerances_of",
+]
 
 ROUNDS = 3
 """Linearisations: what the fleet has in common is where the next one is made."""
@@ -32,9 +40,6 @@ Run = Callable[["ShareJob"], Iterable[tuple[Part, Rows]]]
 
 CELLS = 1_000_000
 """Estimates that are compared at once: 16 MB, whatever the number of devices."""
-
-LEVEL = 0.01
-"""Probability of calling any shift common, or the sum of the fits significant, by chance."""
 
 
 def tolerances_of(mechanism: Mechanism, terms: Sequence[str] | None) -> dict[str, float]:
@@ -214,9 +219,8 @@ def first_line(
         itself first; its mean is then that of the largest groups, and has no bound where levels
         cross or fewer than three groups are left.
     """
-    fits = np.column_stack([numbers_of(rows, name) for name in ("chi2", "dof", "p_value")])
     parameters = [n for n in rows if f"{n}_sd" in rows]
-    at_once = max(1, CELLS // max(1, len(fits)))
+    at_once = max(1, CELLS // max(1, len(rows["chi2"])))
     numbers = None if levels is None else levels.numbers
     shifts = []
     for start in range(0, len(parameters), at_once):
@@ -229,10 +233,16 @@ def first_line(
                 one["levels"] = levels.named(one["levels"])
             drawn = name.partition("@")[0] not in _core.UNKNOWN_THINGS
             shifts.append({"parameter": name, **one} | ({} if drawn else {"p_value": None}))
-    tested = [one for one in shifts if one["p_value"] is not None]
-    for one in shifts:
-        one["common"] = one in tested and one["p_value"] < LEVEL / len(tested)
-    return {"summed": _core.summed(fits), "shifts": shifts}
+    common = _core.beyond_chance([one["p_value"] for one in shifts])
+    for one, own in zip(shifts, common, strict=True):
+        one["common"] = own
+    return {"summed": summed(rows), "shifts": shifts}
+
+
+def summed(rows: Mapping[str, Sequence[Any]]) -> dict[str, Any] | None:
+    """The tests of fit of all devices together; None of too few."""
+    names = ("chi2", "dof", "p_value")
+    return _core.summed(np.column_stack([numbers_of(rows, name) for name in names]))
 
 
 def _off(rows: Mapping[str, Sequence[Any]], name: str, mechanism: Mechanism) -> FloatArray:
@@ -253,28 +263,28 @@ def _value_drawn(name: str, mechanism: Mechanism) -> float:
 def is_misfit(first: Mapping[str, Any], found: Mapping[str, Any] | None) -> bool:
     """Whether the devices together do not fit, or not the drawing."""
     wrong = any(s["common"] for s in first["shifts"]) if found is None else found["design"]
-    return _is_unlike(first["summed"]) or bool(wrong)
+    return lacks_together(first["summed"]) or bool(wrong)
 
 
-def _is_unlike(summed: Mapping[str, Any] | None) -> bool:
+def lacks_together(whole: Mapping[str, Any] | None) -> bool:
     """Whether the fits of all devices together leave more than noise."""
-    return summed is not None and summed["p_value"] < LEVEL
+    return _core.beyond_chance([None if whole is None else whole["p_value"]])[0]
 
 
 def sentences(first: Mapping[str, Any], found: Mapping[str, Any] | None) -> list[str]:
     """The first line in words: what the fleet has in common."""
     lines = []
-    summed = first["summed"]
-    if summed is not None:
-        ratio = summed["chi2"] / summed["dof"]
-        what = f"χ² is {ratio:.3f} times its degrees of freedom over {summed['devices']} devices"
-        if _is_unlike(summed):
+    whole = first["summed"]
+    if whole is not None:
+        ratio = whole["chi2"] / whole["dof"]
+        what = f"χ² is {ratio:.3f} times its degrees of freedom over {whole['devices']} devices"
+        if lacks_together(whole):
             lines.append(
-                f"Together the devices do not fit: {what} (p = {summed['p_value']:.1g}). "
+                f"Together the devices do not fit: {what} (p = {whole['p_value']:.1g}). "
                 "They lack the same effect, even if none of them alone shows it."
             )
         else:
-            lines.append(f"Together the devices fit: {what} (p = {summed['p_value']:.2g}).")
+            lines.append(f"Together the devices fit: {what} (p = {whole['p_value']:.2g}).")
     if found is None:
         shifted = sorted((s for s in first["shifts"] if s["common"]), key=lambda s: s["p_value"])
         for s in shifted[:3]:

@@ -304,44 +304,18 @@ class Adviser:
         """Warnings; of wires that are wrong nothing else makes sense."""
         return tuple(warnings) if self.mistake is None else (self.mistake,)
 
-    def _closures(
-        self,
-        result: Trace | None,
-        taken: Taken,
-    ) -> tuple[float | None, float | None]:
+    def _closures(self, result: Trace | None, taken: Taken) -> tuple[float | None, float | None]:
+        """How the loops close in the poses that are fitted, and in those that are kept out."""
         if result is None or result.reference is None or result.noise is None or not taken.kept_out:
             return None, None
         readings = self.readings(taken, checked=True)
-        errors = closure_errors(self.mechanism, result, readings)
-        if errors is None:
-            return None, None
-        out = np.isin(readings.pose, list(taken.kept_out))
-        return _rms(errors[~out]), _rms(errors[out])
+        table, applied = as_table([readings], self.mechanism), as_applied(result, self.mechanism)
 
+        def closed(poses: Iterable[int]) -> float | None:
+            counted = np.isin(readings.pose, list(poses)).tolist()
+            return _core.rms_misclosure(self.mechanism, applied, table, counted)
 
-def closure_errors(mechanism: Mechanism, result: Trace, readings: Readings) -> FloatArray | None:
-    """Errors of known distances under a result [length unit]: shape (rows, distances).
-
-    None where the mechanism has no distance between points that are known.
-    """
-    drawing = mechanism.to_dict()
-    known = [c for c in drawing["closure"] if isinstance(c.get("value"), int | float)]
-    if not known or mechanism.key_columns:
-        return None
-    drawing.pop("platform", None)
-    drawing.pop("rest", None)
-    bare = _core.Mechanism.from_dict(plain(drawing))
-    table = as_table([readings], bare, bare=True)
-    names, values, _, _ = _core.places(bare, as_applied(result, bare), table, None)
-    at = {name: np.asarray(values)[:, k] for k, name in enumerate(names)}
-    errors = []
-    for closure in known:
-        columns = [[f"{end}.{axis}" for axis in "xyz"] for end in closure["between"]]
-        if not all(c in at for end in columns for c in end):
-            continue
-        first, second = (np.stack([at[c] for c in end], axis=1) for end in columns)
-        errors.append(np.linalg.norm(first - second, axis=1) - closure["value"])
-    return np.stack(errors, axis=1) if errors else None
+        return closed(taken.fitted), closed(taken.kept_out)
 
 
 def explained_id(terms: Sequence[Name | Step]) -> str:
@@ -355,10 +329,6 @@ def _explained(terms: Sequence[Name]) -> Explained:
 
 def _known(sd: float | None) -> float | None:
     return None if sd is None or not math.isfinite(sd) else float(sd)
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _gain_sd(mechanism: Mechanism) -> float:

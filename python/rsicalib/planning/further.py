@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from rsicalib.facts.shapes import Name
 from rsicalib.plain_text import counted
 from rsicalib.planning.plans import Forecast, Plan
 from rsicalib.planning.purposes import reason
-from rsicalib.planning.worthwhile import how_many, worthwhile
+from rsicalib.planning.worthwhile import how_many, worth_words
 from rsicalib.poses.devices import Within
 from rsicalib.report.words import NO_TERM, subject
 from rsicalib.results.result import Result, Trace
@@ -25,7 +25,7 @@ from rsicalib.work.arguments import CalibrationArg, MechanismArg, SessionsArg
 from rsicalib.work.job import Work
 from rsicalib.work.outcome import described
 
-__all__ = ["Choice", "Sessions", "explanations", "plan_further", "plan_until"]
+__all__ = ["Choice", "Sessions", "explanations", "plan_further"]
 
 Explained = tuple[list[str], float, float]
 """Effects, penalised χ², probability."""
@@ -43,6 +43,7 @@ class Choice:
     here: FloatArray | None = None
     way: float | None = None
     seed: int = 0
+    target: float | None = None
 
     def options(self) -> dict[str, Any]:
         """As the core takes them."""
@@ -56,6 +57,7 @@ class Choice:
             "from_": self.here,
             "way": self.way,
             "seed": self.seed,
+            "target": self.target,
         }
 
 
@@ -142,13 +144,15 @@ def plan_further(sessions: Sessions, choice: Choice) -> Plan:
     ]
     options = choice.options()
     found = _core.further(sessions.session, specs, left_out=sessions.left_out, **options)
+    advice = worth_words(found, [terms for terms, _, _ in rivals])
+    if choice.target is not None:
+        advice = _standing(found, choice.target, sessions.mechanism.length_unit, advice)
     names = [words(terms) for terms, _, _ in rivals]
     merged = tuple(
         f"no pose within reach tells {names[b]} from {names[a]}" for b, a in found["merged"]
     )
-    worth, advice = worthwhile(found, [terms for terms, _, _ in rivals], choice.poses)
-    if not all(worth):
-        found = _without(found, worth)
+    if not all(found["worth"]):
+        found = _without(found, found["worth"])
     keys = dict(zip(sessions.mechanism.key_columns, map(tuple, found["keys"]), strict=True))
     unit = sessions.mechanism.length_unit
     seconds = _session_seconds(sessions)
@@ -174,52 +178,20 @@ def plan_further(sessions: Sessions, choice: Choice) -> Plan:
     )
 
 
-def plan_until(sessions: Sessions, choice: Choice, target: float) -> Plan:
-    """Plan as few poses as bring the platform to a standard deviation, at most those chosen."""
-    of = {n: plan_further(sessions, replace(choice, poses=n, criterion="platform")) for n in (1,)}
-
-    def sd(n: int) -> float:
-        if n not in of:
-            of[n] = plan_further(sessions, replace(choice, poses=n, criterion="platform"))
-        return _position(of[n], after=True)
-
-    unit = sessions.mechanism.length_unit
-    before = _position(of[1], after=False)
-    if before <= target:
-        return replace(
-            _none_of(of[1]), advice=(f"No more poses are needed: {before:.2g} {unit} already.",)
-        )
-    # Doubled until it is reached, then halved: the way of a plan grows with its poses.
-    low, high = 0, 1
-    while sd(high) > target and high < choice.poses:
-        low, high = high, min(2 * high, choice.poses)
-    if sd(high) > target:
-        text = f"{counted(high, 'pose')} would bring it to {sd(high):.2g} {unit}, not to {target:g}"
-        # What poses tell, 1/sd², adds to what is known without them.
-        told, wanted = sd(high) ** -2 - before**-2, target**-2 - before**-2
-        text = f"{text}{how_many(high * wanted / told if told > 0.0 else math.inf, high)}"
-        return replace(of[high], advice=(text, *of[high].advice))
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if sd(middle) <= target else (middle, high)
-    text = f"{counted(high, 'more pose')} bring{'s' * (high == 1)} it to {sd(high):.2g} {unit}."
-    return replace(of[high], advice=(text, *of[high].advice))
-
-
-def _position(plan: Plan, *, after: bool) -> float:
-    """Standard deviation of the position by a forecast; infinite where it is not known."""
-    assert plan.forecast is not None and plan.forecast.platform_sd is not None
-    spread = plan.forecast.platform_sd
-    position = (spread.after if after else spread.before).position
-    return math.inf if position is None or math.isnan(position) else position
-
-
-def _none_of(plan: Plan) -> Plan:
-    """The same without its poses."""
-    keys: dict[str, tuple[str, ...]] = dict.fromkeys(plan.keys, ())
-    return replace(
-        plan, poses=plan.poses[:0], readings=plan.readings[:0], why=(), waits=(), keys=keys
-    )
+def _standing(
+    found: Mapping[str, Any], target: float, unit: str, advice: tuple[str, ...]
+) -> tuple[str, ...]:
+    """How a plan stands to its target, in words, before what is said of its poses."""
+    standing, count = found["standing"], len(found["worth"])
+    before, after = (sd["position"] for sd in found["forecast"]["platform_sd"])
+    if standing["kind"] == "already":
+        return (f"No more poses are needed: {before:.2g} {unit} already.",)
+    if standing["kind"] == "reached":
+        more = f"{counted(count, 'more pose')} bring{'s' * (count == 1)}"
+        return f"{more} it to {after:.2g} {unit}.", *advice
+    known = math.inf if after is None or math.isnan(after) else after
+    would = f"{counted(count, 'pose')} would bring it to {known:.2g} {unit}, not to {target:g}"
+    return would + how_many(standing["needed"], count), *advice
 
 
 def _without(found: Mapping[str, Any], worth: Sequence[bool]) -> dict[str, Any]:

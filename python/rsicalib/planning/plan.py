@@ -12,7 +12,7 @@ from rsicalib import _core, options
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
-from rsicalib.planning.further import Choice, Sessions, plan_further, plan_until
+from rsicalib.planning.further import Choice, Sessions, plan_further
 from rsicalib.planning.measures import counts_of, known_sd, parameters_of
 from rsicalib.planning.plans import Bound, Plan
 from rsicalib.planning.worthwhile import MOST_POSES
@@ -164,9 +164,7 @@ def plan(
             found = "no readings" if beside is None else "another calibration"
             raise InputError(f"plan beside a result: found {found}, expected its readings (beside)")
         sessions = Sessions(beside, result, opened)
-        choice = Choice(poses, criterion, within, candidates, struck, seed=seed)
-        if target is not None:
-            return plan_until(sessions, choice, target)
+        choice = Choice(poses, criterion, within, candidates, struck, seed=seed, target=target)
         return plan_further(sessions, choice)
     if struck is not None:
         raise InputError("off: found poses that are struck off, expected a result beside them")

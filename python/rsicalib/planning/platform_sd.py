@@ -19,6 +19,7 @@ from rsicalib.plots import on_axes, scatter
 from rsicalib.poses.devices import Device, Within, draw_poses
 from rsicalib.poses.kinematics import forward_sd
 from rsicalib.poses.places import places
+from rsicalib.results.result import Result
 from rsicalib.tabular import Tabular
 from rsicalib.work.applying import as_applied
 from rsicalib.work.arguments import (
@@ -32,7 +33,7 @@ from rsicalib.work.arguments import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["View", "Workspace", "workspace"]
+__all__ = ["View", "Workspace", "readings_at_work", "workspace"]
 
 
 View: TypeAlias = Literal["xy", "xz", "yz"]
@@ -180,10 +181,9 @@ def workspace(
     (50, 6)
     """
     opened = open_mechanism(mechanism)
-    values = opened.to_dict()
-    if within is not None and not values.get("platform"):
+    if within is not None and not opened.to_dict().get("platform"):
         raise InputError(f"within: found {opened.name!r} without a platform, expected one")
-    if within is None and not (values.get("platform") and values.get("workspace")):
+    if within is None and not _boxed(opened):
         return _within_limits(calibration, opened, poses, seed)
     device = Device(opened, *parameters_of(calibration, opened))
     drawn, exact = draw_poses(device, poses, np.random.default_rng(seed), within=within)
@@ -191,13 +191,32 @@ def workspace(
     return Workspace(opened.name, opened.length_unit, drawn, sd)
 
 
+def readings_at_work(
+    result: Result, mechanism: Mechanism, count: int, seed: int
+) -> tuple[FloatArray, bool]:
+    """Exact readings under a result, of shape (n, C), and whether they are of a workspace.
+
+    Poses of a platform that has one; else configurations within the limits of the joints.
+    """
+    if _boxed(mechanism):
+        device = Device(mechanism, *parameters_of(result, mechanism))
+        return draw_poses(device, count, np.random.default_rng(seed))[1], True
+    sensors = _core.calibrated_sensors(mechanism, as_applied(result, mechanism))
+    return _core.within_limits(sensors, count, seed=seed), False
+
+
+def _boxed(mechanism: Mechanism) -> bool:
+    """Whether a workspace of its platform is declared."""
+    drawn = mechanism.to_dict()
+    return bool(drawn.get("platform") and drawn.get("workspace"))
+
+
 def _within_limits(
     calibration: CalibrationArg, mechanism: Mechanism, poses: int, seed: int
 ) -> Workspace:
     """A platform, or points that chains carry, in configurations within the limits of joints."""
     result, mechanism = earlier_result(calibration, mechanism)
-    sensors = _core.calibrated_sensors(mechanism, as_applied(result, mechanism))
-    values = _core.within_limits(sensors, poses, seed=seed)
+    values, _ = readings_at_work(result, mechanism, poses, seed)
     found = places(Readings.from_arrays(Bare(mechanism), values), mechanism, result)
     sd = np.full_like(found.values, np.nan) if found.sd is None else found.sd
     return Workspace(mechanism.name, mechanism.length_unit, found.values, sd, found.names)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
-__all__ = ["Purpose", "gain_of", "reason", "share_of"]
+__all__ = ["Purpose", "gain_of", "reason"]
 
 Purpose: TypeAlias = Mapping[str, Any]
 """`kind`, and what that kind has: `tells` (`apart`, `gain`), `platform` (`before`, `after`), or
@@ -16,16 +16,6 @@ Purpose: TypeAlias = Mapping[str, Any]
 def gain_of(purpose: Purpose) -> float | None:
     """By how much a pose parts what is open [χ²]; None where it has another purpose."""
     return purpose["gain"] if purpose["kind"] == "tells" else None
-
-
-def share_of(purpose: Purpose) -> float:
-    """By what share a pose makes small what it is for, where it tells nothing apart."""
-    if purpose["kind"] == "falls":
-        return float(1.0 - purpose["times"])
-    before, after = purpose["before"], purpose["after"]
-    if not math.isfinite(before):
-        return 1.0
-    return float(1.0 - after / before) if before > 0.0 else 0.0
 
 
 def reason(purpose: Purpose, names: Sequence[str], unit: str) -> str:

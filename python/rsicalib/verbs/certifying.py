@@ -6,8 +6,8 @@ import math
 import os
 import re
 import shlex
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -17,19 +17,20 @@ from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, InputTypeError
-from rsicalib.facts.shapes import FitQuality, TraceShape
+from rsicalib.facts.shapes import TraceShape
 from rsicalib.io.builtin import DEFAULT
 from rsicalib.io.cells import POSE
 from rsicalib.io.readings import Readings
 from rsicalib.io.tables import read_table
 from rsicalib.plain_text import quoted
 from rsicalib.planning.measures import parameters_of
-from rsicalib.poses.devices import Device, draw_poses
+from rsicalib.planning.platform_sd import readings_at_work
+from rsicalib.poses.devices import Device
 from rsicalib.poses.places import readings_for
 from rsicalib.report.words import listed_words, subject
 from rsicalib.results.certificate import Certificate, Known, Source, Uncertainty
 from rsicalib.results.result import Result
-from rsicalib.work.applying import as_applied, as_table, covariance_of
+from rsicalib.work.applying import as_table
 from rsicalib.work.arguments import (
     Bare,
     CalibrationArg,
@@ -41,17 +42,14 @@ from rsicalib.work.arguments import (
 
 __all__ = ["certify"]
 
-PLACES, DRAWS, SEED, POSES = 200, 2000, 1, 6
-"""Places of the workspace, draws of the largest error, their seed, poses that are proposed."""
+PLACES, SEED, POSES = 200, 1, 6
+"""Places of the workspace, the seed that they are drawn with, poses that are proposed."""
 
 WARMER = 1.0
 """The temperature may be so far from that of the session [K]."""
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254, "ft": 0.3048}
 ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180}
-
-JUDGED = ("adequate", "explained")
-"""Verdicts of results that predict their error: of others something is not understood."""
 
 LEFT = {
     "unexplained": "its residual has no explanation",
@@ -112,21 +110,14 @@ def certify(
     earlier, opened = earlier_result(result, opened)
     quantity, size, unit = _limit(limit, opened)
     table, places = _places(earlier, opened, at)
-    checked, uncertainty = _by_check(earlier, opened, quantity), None
-    reasons = (*(() if checked is not None else _not_judged(earlier)), *_unsized(earlier, quantity))
-    bound: tuple[str, ...] = ()
-    times = None
-    covariance = _covariance(earlier)
-    expanded = math.nan
-    if covariance is not None and np.isfinite(covariance).all() and len(covariance):
-        uncertainty, bound, times = _budget(
-            earlier, opened, covariance, table, quantity, confidence, checked
-        )
-        expanded = uncertainty.expanded
-    noise = 0.0 if uncertainty is None else uncertainty.least
-    seen, known = _known(earlier, quantity, confidence, noise, bound)
-    counted = sum(one.error for one in known if one.expanded is None)
-    decision, _ = _core.decide(size, math.nan if reasons else expanded, counted, confidence, seen)
+    found = _core.certify(
+        opened, earlier.to_json(), table, quantity == "orientation", size, confidence
+    )
+    decision, times = found["decision"], found["times"]
+    uncertainty = _uncertainty(found["uncertainty"])
+    known = tuple(Known(**one) for one in found["known"])
+    unfit = (*_unfit(earlier, found["unfit"]), *_unsized(earlier, found["unsized_steps"]))
+    expanded = math.nan if uncertainty is None else uncertainty.expanded
     return Certificate(
         mechanism=opened.name,
         device=earlier.device,
@@ -135,11 +126,11 @@ def certify(
         limit=size,
         unit=unit,
         confidence=confidence,
-        decision=decision,  # type: ignore[arg-type]
+        decision=decision,
         reasons=(
-            *reasons,
-            *(() if checked is None or times is None else _of_check(earlier, times)),
-            *_why(decision, size, unit, expanded, known, bool(reasons)),
+            *unfit,
+            *(() if times is None else _of_check(earlier, times)),
+            *_why(decision, size, unit, expanded, known, bool(unfit)),
         ),
         uncertainty=uncertainty,
         known=known,
@@ -147,7 +138,7 @@ def certify(
         verdict=earlier.verdict,
         conditions=_conditions(earlier, opened, places),
         rests_on=_rests_on(opened),
-        not_covered=_not_covered(earlier, opened, checked is not None),
+        not_covered=_not_covered(earlier, opened, times is not None),
         independent_points=_checked(earlier),
         data_sha256=earlier.readings.sha256,
         files=tuple(os.path.basename(name) for name in earlier.readings.files),
@@ -188,17 +179,13 @@ def _places(
 ) -> tuple[Mapping[str, Any], str]:
     """Readings of the places that count, as the core takes them, and what they are."""
     posed = _posed(mechanism)
-    device = Device(mechanism, *parameters_of(result, mechanism))
     if at is None:
-        if posed and mechanism.to_dict().get("workspace"):
-            _, exact = draw_poses(device, PLACES, np.random.default_rng(SEED))
-            words = f"{PLACES} poses of the workspace"
-        else:
-            sensors = _core.calibrated_sensors(mechanism, as_applied(result, mechanism))
-            exact = _core.within_limits(sensors, PLACES, seed=SEED)
-            words = f"{len(exact)} configurations within the limits of the joints"
+        exact, of_workspace = readings_at_work(result, mechanism, PLACES, SEED)
+        words = f"{len(exact)} configurations within the limits of the joints"
+        words = f"{PLACES} poses of the workspace" if of_workspace else words
         readings = _held(result, mechanism, exact)
         return as_table([readings], mechanism, bare=not posed), words
+    device = Device(mechanism, *parameters_of(result, mechanism))
     poses = _poses_of(at, mechanism) if posed else None
     if poses is not None:
         exact = device.readings(poses)
@@ -295,68 +282,30 @@ def _refuse_beyond_limits(readings: Readings, device: Device) -> None:
             )
 
 
-def _not_judged(result: Result) -> tuple[str, ...]:
-    """Why a result cannot show that anything is within a limit; nothing where it can."""
-    reasons = []
-    if not isinstance(result, TraceShape):
-        reasons.append(
-            "A calibration is not searched for effects that could hide: certify a trace."
-        )
-    if result.verdict not in JUDGED:
-        words = {
-            "undetermined": "its poses do not determine the calibration",
-            "implausible": "what was found is absurd beside the mechanism's size",
-            "unjudged": "nothing judges its residual",
-            **LEFT,
-        }
-        why = words.get(result.verdict, "its residual is significant")
-        reasons.append(f"The result is {result.verdict or 'not judged'}: {why}.")
-    elif isinstance(result, TraceShape) and not any(h.unseen for h in result.could_hide):
-        reasons.append("The result does not hold what its session leaves open: trace again.")
-    return tuple(reasons)
+def _unfit(result: Result, reasons: Sequence[str]) -> Iterator[str]:
+    """Why a result cannot show that anything is within a limit, in words."""
+    words = {
+        "undetermined": "its poses do not determine the calibration",
+        "implausible": "what was found is absurd beside the mechanism's size",
+        "unjudged": "nothing judges its residual",
+        **LEFT,
+    }
+    why = words.get(result.verdict, "its residual is significant")
+    for reason in reasons:
+        yield {
+            "not_traced": "A calibration is not searched for effects that could hide: "
+            "certify a trace.",
+            "verdict": f"The result is {result.verdict or 'not judged'}: {why}.",
+            "nothing_open": "The result does not hold what its session leaves open: trace again.",
+        }[reason]
 
 
-def _unsized(result: Result, quantity: str) -> tuple[str, ...]:
+def _unsized(result: Result, steps: Sequence[int]) -> tuple[str, ...]:
     """Effects that are not applied, and of which nobody knows how large they are."""
-    steps = result.steps if isinstance(result, TraceShape) else ()
-    names = [
-        subject(step)
-        for step in steps
-        if not step.applied and getattr(step.platform_rms, quantity, None) is None
-    ]
-    if not names:
+    if not steps or not isinstance(result, TraceShape):
         return ()
-    return (f"How large {listed_words(names)} is at these places, not applied, is not known.",)
-
-
-Checked = tuple[Mapping[str, Any], int | None, float, float, bool]
-
-
-def _by_check(result: Result, mechanism: Mechanism, quantity: str) -> Checked | None:
-    """What check points show of a result that leaves something, as the core takes it.
-
-    Readings in them, the number of the point that they are of, the mean square of a coordinate of
-    the errors, that by noise, and whether the motion of the instrument was taken out.
-    """
-    if result.verdict not in LEFT or not isinstance(result, TraceShape):
-        return None
-    check, kept = result.quality.aligned or result.quality.check, result.check_readings
-    if kept is None or check is None or check.largest is None:
-        return None
-    rms: float | None = check.position_rms
-    noise = check.largest.position_noise
-    if quantity == "orientation":
-        rms, noise = check.orientation_rms, check.largest.orientation_noise
-    if rms is None or noise is None or not any(h.unseen for h in result.could_hide):
-        return None
-    posed, point = _posed(mechanism), None
-    if kept.point is not None:
-        if posed:  # a point of the platform: its orientation is part of the error
-            return None
-        point = _carried(mechanism).index(kept.point)
-    readings = _at(mechanism, np.array(kept.readings), kept.temperature_c)
-    table = as_table([readings], mechanism, bare=not posed)
-    return table, point, rms**2, noise**2, _aligned(result)
+    names = listed_words([subject(result.steps[k]) for k in steps])
+    return (f"How large {names} is at these places, not applied, is not known.",)
 
 
 def _of_check(result: Result, times: float) -> tuple[str, ...]:
@@ -368,111 +317,12 @@ def _of_check(result: Result, times: float) -> tuple[str, ...]:
     )
 
 
-def _budget(
-    result: Result,
-    mechanism: Mechanism,
-    covariance: FloatArray,
-    table: Mapping[str, Any],
-    quantity: str,
-    confidence: float,
-    checked: Checked | None,
-) -> tuple[Uncertainty, tuple[str, ...], float]:
-    """The budget, effects bound to the session, and how much larger errors are by check points."""
-    noise = result.noise
-    assert noise is not None  # `as_applied` refuses a result without it
-    hidden = result.could_hide if isinstance(result, TraceShape) else ()
-    unseen = [
-        ((h.term, h.target, h.place), h.unseen.to_dict()) for h in hidden if h.unseen is not None
-    ]
-    play = _play(result, mechanism)
-    applied = as_applied(result, mechanism)
-    orientation = quantity == "orientation"
-    found = _core.budget(
-        mechanism, applied, covariance, _between(result), table, noise.dof, play, unseen,
-        orientation, confidence, DRAWS, SEED, checked,
-    )  # fmt: skip
-    sigma = math.sqrt(float(np.mean(np.square(list(noise.sigma.values())))))
-    units = {channel.unit for channel in mechanism.channels}
-    sizes = {"play": (play, mechanism.length_unit)}
-    if len(units) == 1:
-        sizes["noise"] = (sigma, units.pop())
-    sources = []
-    for one in found["budget"]:
-        size, unit = sizes.get(one["source"], (None, None))
-        sensitivity = None if not size else one["u"] / size
-        kind = "mixture" if one["source"] == "unseen" else "normal"
-        kind = "Student" if one["dof"] is not None else kind
-        sources.append(
-            Source(**one, size=size, size_unit=unit, sensitivity=sensitivity, distribution=kind)
-        )
-    whole = Uncertainty(
-        expanded=found["expanded"],
-        median=found["median"],
-        least=found["least"],
-        u=found["u"],
-        coverage_factor=found["expanded"] / found["u"],
-        dof=found["dof"],
-        places=found["places"],
-        budget=tuple(sources),
-    )
-    return whole, tuple(found["of_its_session"]), found["times"]
-
-
-def _covariance(result: Result) -> FloatArray | None:
-    """Covariance of the parameters, as means over groups where they change between those."""
-    between = result.between
-    if between is None:
-        return covariance_of(result)
-    return covariance_of(replace(result, covariance=between.covariance))
-
-
-def _between(result: Result) -> list[float]:
-    """Variances of what changes between placements, for each parameter that has a value."""
-    if result.between is None:
-        return []
-    sd = {(p.term, p.target, p.name): p.sd for p in result.between.parameters}
-    known = [p for p in result.parameters if p.value is not None]
-    return [sd.get((p.term, p.target, p.name), 0.0) ** 2 for p in known]
-
-
-def _play(result: Result, mechanism: Mechanism) -> float:
-    """Standard deviation of how what is touched sits: declared, or found by the fit."""
-    closures = mechanism.to_dict().get("closure", ())
-    declared = [closure.get("noise") or 0.0 for closure in closures]
-    found = result.noise.seating if result.noise is not None else None
-    return float(max([*declared, found or 0.0], default=0.0))
-
-
-def _known(
-    result: Result, quantity: str, confidence: float, noise: float, bound: tuple[str, ...] = ()
-) -> tuple[tuple[float, float, int, float] | None, tuple[Known, ...]]:
-    """What check poses have shown, as the core takes it, and all errors that are known."""
-    known, seen = [], None
-    check = result.quality.check if not _aligned(result) else result.quality.aligned
-    if check is not None and check.largest is not None:
-        largest = check.largest
-        error = largest.position if quantity == "position" else largest.orientation
-        sd = largest.position_noise if quantity == "position" else largest.orientation_noise
-        if error is not None and sd is not None:
-            seen = (error, sd, check.poses, noise)
-            _, own = _core.decide(1.0, math.inf, 0.0, confidence, seen)
-            known.append(Known("check points", error, own, check.poses))
-    sizes = []
-    for step in result.steps if isinstance(result, TraceShape) else ():
-        of_its_session = _core.spec(step.term, step.target, step.place) in bound
-        if step.platform_rms is not None and (of_its_session or not step.applied):
-            # Of three coordinates; and a drift is √3 times its root mean square at its end.
-            times = 3.0 if of_its_session else math.sqrt(3.0)
-            size = getattr(step.platform_rms, quantity)
-            sizes += [] if size is None else [times * size]
-    if sizes:
-        known.append(Known("effects not applied", math.hypot(*sizes), None, 0))
-    return seen, tuple(known)
-
-
-def _aligned(result: Result) -> bool:
-    quality: FitQuality = result.quality
-    return quality.aligned is not None
+def _uncertainty(found: Mapping[str, Any] | None) -> Uncertainty | None:
+    """The budget as it is written."""
+    if found is None:
+        return None
+    own = {field.name: found[field.name] for field in fields(Uncertainty)}
+    return Uncertainty(**{**own, "budget": tuple(Source(**one) for one in found["budget"])})
 
 
 def _checked(result: Result) -> int:

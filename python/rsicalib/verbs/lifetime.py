@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from rsicalib.errors import InputError, InputTypeError
 from rsicalib.facts.verdicts import UNUSABLE
 from rsicalib.io.readings import Readings
 from rsicalib.plain_text import meant
-from rsicalib.planning.measures import parameters_of
+from rsicalib.planning.platform_sd import readings_at_work
 from rsicalib.report.past import Forecast, History, Jump, LeftOut, Past, Series
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
@@ -30,11 +30,10 @@ DAY_S = 86_400.0
 POSES = 40
 """Poses of the workspace over which the platform's error is averaged."""
 
-DRAWS = 400
-"""Draws of what is not known of the parameters and of their drift."""
-
-HORIZON_DAYS = 3650
-"""Beyond ten years nothing is said."""
+Spec = tuple[str, str | None, str | None]
+Estimate = tuple[Spec, str, float | None, float | None]
+Course = Mapping[str, Any] | None
+Last = tuple[dict[str, Any], FloatArray, dict[str, Any], float]
 
 
 @options.checked
@@ -93,17 +92,18 @@ def history(
         expected = f"one of {', '.join(_called(name or None) for name in known)}"
         raise InputError(f"device: found {found}, expected {expected}")
     own.sort(key=lambda one: _day(one[1]))
-    lasting, session_only = _lasting([result for _, result in own], opened)
-    series = [_series(key, own, len(lasting)) for key in lasting]
+    results = [result for _, result in own]
+    last = _last(opened, results[-1], target)
+    series, session_only, forecast = _core.history(opened, [_dated(r) for r in results], last)
     return History(
         device=chosen,
         mechanism=opened.name,
         length_unit=opened.length_unit,
         results=tuple(_past(name, result) for name, result in own),
-        parameters=tuple(series),
+        parameters=tuple(_series(results, one["known"], one["course"]) for one in series),
         session_only=tuple(session_only),
         left_out=tuple(sorted(left_out, key=lambda one: one.file)),
-        forecast=_forecast(opened, own[-1][1], series, target),
+        forecast=None if forecast is None else _forecast(results[-1], **forecast),
     )
 
 
@@ -161,63 +161,36 @@ def _past(name: str, result: Result) -> Past:
     return Past(name, result.valid_from, str(result.verdict), found, result.note)
 
 
-Key = tuple[tuple[str, str | None, str | None], str]
-"""Where a parameter acts, and its name."""
+def _dated(result: Result) -> tuple[float, list[Estimate], list[Spec]]:
+    """A result as the core takes it: day, parameters, and where it says that something changed."""
+    update = getattr(result, "update", None)
+    changes = () if update is None else update.changes
+    estimates: list[Estimate] = [(p.at, p.name, p.value, p.sd) for p in result.parameters]
+    return _day(result), estimates, [(change.term, change.target, None) for change in changes]
 
 
-def _lasting(results: Sequence[Result], mechanism: Mechanism) -> tuple[list[Key], list[str]]:
-    """Parameters of the device, in order of appearance, and effects of single sessions."""
-    keys: dict[Key, None] = {}
-    passing: dict[str, None] = {}
-    for result in results:
-        lasts = set(_core.lasting(mechanism, [p.at for p in result.parameters]))
-        for p in result.parameters:
-            if _core.spec(*p.at) not in lasts:
-                passing[p.spec] = None
-            elif p.value is not None and p.sd is not None:
-                keys[p.at, p.name] = None
-    return list(keys), list(passing)
-
-
-def _series(key: Key, own: Sequence[tuple[str, Result]], tests: int) -> Series:
-    """One parameter over time, with what it has done; `tests` parameters are looked at."""
-    at, name = key
-    told = set(_told(key, own))
-    dates: list[str] = []
-    values, sd, days, changed = [], [], [], []
-    unit, since = "", False
-    for i, (_, result) in enumerate(own):
-        since |= i in told
-        for p in result.parameters:
-            if (p.at, p.name) == key and p.value is not None and p.sd is not None:
-                assert result.valid_from is not None
-                if since:
-                    changed.append(len(dates))
-                    since = False
-                dates.append(result.valid_from)
-                values.append(p.value)
-                sd.append(p.sd)
-                days.append(_day(result))
-                unit = p.unit
-    course = _core.course(list(zip(days, values, sd, strict=True)), changed, tests) or {}
-    jumps = tuple(
-        Jump(dates[j["from"]], j["value"], j["sd"], j["told"]) for j in course.get("jumps", ())
-    )
+def _series(own: Sequence[Result], known: Sequence[tuple[int, int]], course: Course) -> Series:
+    """One parameter over time, with what it has done."""
+    of = [own[result].parameters[number] for result, number in known]
+    dates = [str(own[result].valid_from) for result, _ in known]
+    course = course or {}
     level, level_sd = course.get("level", (None, None))
     return Series(
-        term=at[0],
-        target=at[1] or "all",
-        name=name,
-        unit=unit,
+        term=of[-1].term,
+        target=of[-1].target,
+        name=of[-1].name,
+        unit=of[-1].unit,
         valid_from=tuple(dates),
-        values=tuple(values),
-        sd=tuple(sd),
+        values=tuple(p.value for p in of if p.value is not None),
+        sd=tuple(p.sd for p in of if p.sd is not None),
         rate=course.get("rate"),
         rate_sd=course.get("rate_sd"),
         p_value=course.get("p_value"),
-        place=at[2],
+        place=of[-1].place,
         kind=course.get("kind"),
-        jumps=jumps,
+        jumps=tuple(
+            Jump(dates[j["from"]], j["value"], j["sd"], j["told"]) for j in course.get("jumps", ())
+        ),
         level=level,
         level_sd=level_sd,
         scatter=course.get("scatter"),
@@ -225,96 +198,21 @@ def _series(key: Key, own: Sequence[tuple[str, Result]], tests: int) -> Series:
     )
 
 
-def _told(key: Key, own: Sequence[tuple[str, Result]]) -> list[int]:
-    """Results from which on a parameter has changed, as one of them says.
-
-    A result that was compared with an earlier one says what changed since (`update`); a slip within
-    a session is a new level from the next result on.
-    """
-    term, target, _ = key[0]
-    told = []
-    for i, (_, result) in enumerate(own):
-        update = getattr(result, "update", None)
-        for change in () if update is None else update.changes:
-            if (change.term, change.target) == (term, target):
-                told.append(i)
-        for step in getattr(result, "steps", ()):
-            if step.place is not None and step.target == target and step.term != term:
-                told.append(i + 1)
-    return told
-
-
-def _forecast(
-    mechanism: Mechanism, last: Result, series: Sequence[Series], target: float | None
-) -> Forecast | None:
-    """When the error of the platform exceeds the target, drawn from what is not known."""
+def _last(mechanism: Mechanism, last: Result, target: float | None) -> Last | None:
+    """The last result as the core forecasts from it; None where it cannot."""
     covariance = covariance_of(last)
     if target is None or covariance is None or not mechanism.to_dict().get("platform"):
         return None
-    slopes = _slopes(mechanism, last)
-    if slopes is None:
+    if not np.isfinite(covariance).all():
         return None
-    rng = np.random.default_rng(0)
-    known = [p for p in last.parameters if p.value is not None]
-    rates = {(s.term, s.target, s.name): s for s in series}
-    found = [rates.get((p.term, p.target, p.name)) for p in known]
-    rate = np.array([0.0 if s is None or s.rate is None else s.rate for s in found])
-    rate_sd = np.array([0.0 if s is None or s.rate_sd is None else s.rate_sd for s in found])
-    now = rng.multivariate_normal(np.zeros(len(known)), covariance, DRAWS, method="svd")
-    drift = rate + rate_sd * rng.standard_normal((DRAWS, len(known)))
-    # What scatters from session to session is elsewhere now, as it was elsewhere then.
-    scatter = np.array([0.0 if s is None or s.scatter is None else s.scatter for s in found])
-    now = now + np.sqrt(2.0) * scatter * rng.standard_normal((DRAWS, len(known)))
-    here, there = now @ slopes.T, drift @ slopes.T  # (draws, values): error, and error per day
-
-    def error(days: float) -> FloatArray:
-        out: FloatArray = np.sqrt(((here + days * there) ** 2).mean(axis=1))
-        return out
-
-    def day(share: float) -> str | None:
-        span = np.arange(HORIZON_DAYS + 1)
-        low, high = 0, HORIZON_DAYS
-        if (error(high) > target).mean() < share:
-            return None
-        while low < high:
-            middle = int(span[(low + high) // 2])
-            if (error(middle) > target).mean() >= share:
-                high = middle
-            else:
-                low = middle + 1
-        return _date(_day(last) + low)
-
-    return Forecast(
-        target=float(target), now=float(np.median(error(0.0))), day=day(0.5), from_day=day(0.05)
-    )
+    values, _ = readings_at_work(last, mechanism, POSES, seed=0)
+    table = as_table([Readings.from_arrays(mechanism, values)], mechanism, bare=True)
+    return as_applied(last, mechanism), covariance, table, float(target)
 
 
-def _slopes(mechanism: Mechanism, result: Result) -> FloatArray | None:
-    """Position of the platform by each known parameter, (3 poses, parameters)."""
-    rng = np.random.default_rng(0)
-    low, high = np.array(_core.workspace(mechanism)).T
-    poses = np.ascontiguousarray(rng.uniform(low, high, (20 * POSES, 6)))
-    offsets, gains = parameters_of(result, mechanism)
-    rows = _core.readings_at(mechanism, poses, offsets, gains, _core.MARGIN)
-    rows = rows[np.isfinite(rows).all(axis=1)][:POSES]
-    if len(rows) == 0:
-        return None
-    table = as_table([Readings.from_arrays(mechanism, rows)], mechanism, bare=True)
-    applied = as_applied(result, mechanism)
-
-    def position(parameters: list[Any]) -> FloatArray:
-        _, values, _, _ = _core.places(mechanism, {**applied, "parameters": parameters}, table)
-        out: FloatArray = values[:, :3].ravel()
-        return out
-
-    columns = []
-    sd = [p.sd for p in result.parameters if p.value is not None]
-    for k, (at, name, value) in enumerate(applied["parameters"]):
-        step = sd[k] or 1e-6 * abs(value) or 1e-6
-        moved = list(applied["parameters"])
-        ends = []
-        for sign in (1.0, -1.0):
-            moved[k] = (at, name, value + sign * step)
-            ends.append(position(moved))
-        columns.append((ends[0] - ends[1]) / (2.0 * step))
-    return np.column_stack(columns)
+def _forecast(
+    last: Result, target: float, now: float, day: int | None, from_day: int | None
+) -> Forecast:
+    """The forecast with dates in the place of days from the last result on."""
+    dates = (None if days is None else _date(_day(last) + days) for days in (day, from_day))
+    return Forecast(target, now, *dates)

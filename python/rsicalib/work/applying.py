@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
-from rsicalib.units import is_count
 
 __all__ = ["Known", "as_applied", "as_table", "covariance_of", "posed", "tell_closures"]
 
@@ -93,21 +93,8 @@ def as_applied(result: Result | None, mechanism: Mechanism, *, own: bool = False
     on others acts what outlasts those.
     """
     channels = mechanism.channels
-    zero = [0.0] * len(channels)
     if result is None:
-        # Nothing refers to the readings where nothing was found with them.
-        reference: Mapping[str, Any] = {"centre": zero, "span": [zero[:2]] * len(channels)}
-        guess = [1.0 if is_count(c.unit) else 1e-5 / abs(c.gain) for c in channels]
-        declared = [c.noise for c in channels]
-        sigma = [g if n is None else n for g, n in zip(guess, declared, strict=True)]
-        nothing: dict[str, Any] = {
-            "temperature": None,
-            "parameters": [],
-            "declared": False,
-            "closures": [],
-            "own": own,
-        }
-        return {**reference, "sigma": sigma, **nothing}
+        return _core.declared(mechanism)
     if result.reference is None or result.noise is None:
         raise InputError("found a result without 'reference' and 'noise', expected both")
     return {

@@ -108,10 +108,52 @@ pub struct Share {
     pub source: &'static str,
     /// The effect, of those that are unseen.
     pub effect: Option<String>,
+    /// Standard uncertainty of the source itself, in its own unit; none where it has several.
+    pub size: Option<f64>,
+    /// Unit of the size.
+    pub size_unit: Option<String>,
+    /// Standard uncertainty of the place for one unit of the size.
+    pub sensitivity: Option<f64>,
+    /// How it is distributed.
+    pub distribution: Distribution,
     /// Standard uncertainty of the place that is known least [length unit or rad].
     pub u: f64,
     /// Its degrees of freedom; none: infinitely many.
     pub dof: Option<f64>,
+}
+
+impl Share {
+    fn new(source: &'static str, u: f64, dof: Option<f64>) -> Self {
+        let distribution = match dof {
+            Some(_) => Distribution::Student,
+            None if source == UNSEEN => Distribution::Mixture,
+            None => Distribution::Normal,
+        };
+        let (size, size_unit, sensitivity) = (None, None, None);
+        Self { source, effect: None, size, size_unit, sensitivity, distribution, u, dof }
+    }
+
+    /// The same of a source of this size.
+    fn of_size(self, size: f64, unit: &str) -> Self {
+        let sensitivity = (size > 0.0).then(|| self.u / size);
+        Self { size: Some(size), size_unit: Some(unit.into()), sensitivity, ..self }
+    }
+}
+
+const UNSEEN: &str = "unseen";
+
+/// How a source of a budget is distributed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub enum Distribution {
+    /// Normal.
+    #[cfg_attr(feature = "serde", serde(rename = "normal"))]
+    Normal,
+    /// Student's, of its degrees of freedom.
+    Student,
+    /// One of several effects, each normal.
+    #[cfg_attr(feature = "serde", serde(rename = "mixture"))]
+    Mixture,
 }
 
 /// A budget of uncertainty.
@@ -126,6 +168,8 @@ pub struct Budget {
     pub dof: Option<f64>,
     /// The largest error is not beyond it, with the probability that was asked for.
     pub expanded: f64,
+    /// `expanded / u`: above 2, because the largest error of all places counts.
+    pub coverage_factor: f64,
     /// Median of the largest error.
     pub median: f64,
     /// Noise and play alone make the largest error at least so large, with the same probability.
@@ -175,11 +219,13 @@ pub fn budget(
     let u = shares.iter().map(|s| s.u * s.u).sum::<f64>().sqrt();
     let fourth = shares.iter().filter_map(|s| Some(s.u.powi(4) / s.dof?)).sum::<f64>();
     let largest = |p| quantile(&draws, |drawn| drawn.largest, p);
+    let expanded = largest(drawing.confidence);
     Ok(Budget {
         budget: shares,
         u,
         dof: (fourth > 0.0).then(|| u.powi(4) / fourth),
-        expanded: largest(drawing.confidence),
+        expanded,
+        coverage_factor: expanded / u,
         median: largest(0.5),
         least: quantile(&draws, |drawn| drawn.by_noise, 1.0 - drawing.confidence),
         times: places.times,
@@ -226,7 +272,9 @@ struct Places {
     all: Vec<Place>,
     /// Names of the effects that are unseen, their probability and their mean with the root of their covariance.
     effects: Vec<Effect>,
-    play: f64,
+    play: (f64, String),
+    /// Root mean square noise of a channel, where all have one unit.
+    read: Option<(f64, String)>,
     /// How much larger what is not noise is than predicted, and by how many degrees of freedom that is known.
     times: f64,
     times_dof: Option<f64>,
@@ -323,7 +371,7 @@ impl Places {
             }
             false => None,
         };
-        let map = reported_to_model(&under, &beta);
+        let map = under.by_reported(&beta);
         let root = square_root(&DMatrix::from_row_slice(n, n, &errors.covariance));
         let changes_by: Vec<f64> = errors.between.iter().map(|v| v.max(0.0).sqrt()).collect();
         shape("between placements", changes_by.len(), if changes_by.is_empty() { 0 } else { n })?;
@@ -409,7 +457,12 @@ impl Places {
             return Err(Error::Empty("no place is left to be certain of".into()));
         }
         let play = if quantity == Quantity::Position { errors.play } else { 0.0 };
-        Ok(Self { all, effects, play, times: 1.0, times_dof: None })
+        let play = (play, mechanism.length_unit.clone());
+        let square = applied.sigma.iter().map(|s| s * s).sum::<f64>();
+        let unit = mechanism.channels.first().map(|c| c.unit.clone());
+        let alike = unit.filter(|unit| mechanism.channels.iter().all(|c| c.unit == *unit));
+        let read = alike.map(|unit| ((square / applied.sigma.len() as f64).sqrt(), unit));
+        Ok(Self { all, effects, play, read, times: 1.0, times_dof: None })
     }
 
     /// What known poses have shown: how much larger errors are than predicted, and which effect is there.
@@ -439,20 +492,26 @@ impl Places {
     fn shares(&self, place: &Place, errors: &Errors) -> Vec<Share> {
         let dof = Some(errors.dof).filter(|dof| dof.is_finite());
         let (by_check, times) = (self.times_dof, self.times);
-        let share = |source, u: f64, dof| Share { source, effect: None, u, dof };
+        let parameters = times * place.parameters.norm();
+        let noise = Share::new("noise", place.noise.norm(), dof);
         let mut shares = vec![
-            share("parameters", times * place.parameters.norm(), by_check.or(dof)),
-            share("noise", place.noise.norm(), dof),
+            Share::new("parameters", parameters, by_check.or(dof)),
+            match &self.read {
+                Some((sigma, unit)) => noise.of_size(*sigma, unit),
+                None => noise,
+            },
         ];
         if place.between.ncols() > 0 {
-            shares.push(share("between placements", times * place.between.norm(), by_check));
+            let between = times * place.between.norm();
+            shares.push(Share::new("between placements", between, by_check));
         }
-        if self.play > 0.0 {
-            shares.push(share("play", self.play * 3.0_f64.sqrt(), None));
+        let (play, unit) = &self.play;
+        if *play > 0.0 {
+            shares.push(Share::new("play", play * 3.0_f64.sqrt(), None).of_size(*play, unit));
         }
         let held = place.held.iter().map(|v| v * v).sum::<f64>().sqrt();
         if held > 0.0 {
-            shares.push(share("held shapes", times * held, by_check));
+            shares.push(Share::new("held shapes", times * held, by_check));
         }
         let of_effect = |effect: &Effect| {
             let square: f64 = [&place.effects, &place.effects_held]
@@ -461,7 +520,7 @@ impl Places {
                 .map(|by| effect.square(by))
                 .sum();
             let u = times * (effect.probability * square).sqrt();
-            Share { source: "unseen", effect: Some(effect.name.clone()), u, dof: by_check }
+            Share { effect: Some(effect.name.clone()), ..Share::new(UNSEEN, u, by_check) }
         };
         let mut unseen: Vec<Share> = self.effects.iter().map(of_effect).collect();
         unseen.sort_by(|a, b| b.u.total_cmp(&a.u));
@@ -469,7 +528,7 @@ impl Places {
         unseen.truncate(ROWS);
         shares.extend(unseen);
         if others > 0.0 {
-            shares.push(share("unseen", others.sqrt(), by_check));
+            shares.push(Share::new(UNSEEN, others.sqrt(), by_check));
         }
         shares
     }
@@ -524,8 +583,8 @@ impl Places {
             let (mut square, mut noise) = (0.0, 0.0);
             for i in 0..3 {
                 let mut new = sum(&place.noise, i, 0, &reading);
-                if self.play > 0.0 {
-                    new += self.play * random.normal();
+                if self.play.0 > 0.0 {
+                    new += self.play.0 * random.normal();
                 }
                 square += (new + times * common.does(place, i)).powi(2);
                 noise += new * new;
@@ -658,17 +717,4 @@ fn acting(
         }
     }
     Ok(found)
-}
-
-/// Derivatives of the parameters of the model by those that a result reports: they are linear.
-fn reported_to_model(under: &Under, beta: &[f64]) -> DMatrix<f64> {
-    let mut map = DMatrix::zeros(beta.len(), under.values.len());
-    for k in 0..under.values.len() {
-        let mut values = under.values.clone();
-        values[k] += 1.0;
-        for (i, (ahead, here)) in under.internal(&values).iter().zip(beta).enumerate() {
-            map[(i, k)] = ahead - here;
-        }
-    }
-    map
 }

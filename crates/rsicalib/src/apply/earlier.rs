@@ -3,6 +3,8 @@
 //! Of what was found in a session not all holds in another one, see [`Outlasts`]: a drift
 //! is left out, and a slip has happened before the first row.
 
+use nalgebra::DMatrix;
+
 use crate::apply::check::{Check, compare, unturned};
 use crate::apply::known::Known;
 use crate::apply::poses::poses_of;
@@ -10,7 +12,7 @@ use crate::closures::kind::Part as EndOf;
 use crate::estimate::Noise;
 use crate::estimate::Part;
 use crate::estimate::settle::settled;
-use crate::mechanism::{Closure, Mechanism, Point, Target};
+use crate::mechanism::{Channel, Closure, Mechanism, Point, Target};
 use crate::model::{Instance, Model, Spec, Thing, Want, Workspace, instances_of, is_unknown_thing};
 use crate::readings::{Readings, Table};
 use crate::terms::term::{Outlasts, Over, Per, Role, Term};
@@ -76,6 +78,20 @@ pub struct Applied {
     /// and when it did.
     #[doc(hidden)]
     pub own: bool,
+}
+
+impl Applied {
+    /// The mechanism as it is declared: nothing refers to readings where nothing was found with them.
+    #[must_use]
+    pub fn declared(mechanism: &Mechanism) -> Self {
+        let channels = &mechanism.channels;
+        let (centre, span) = (vec![0.0; channels.len()], vec![[0.0; 2]; channels.len()]);
+        Self {
+            reference: Reference { centre, span, temperature: None },
+            sigma: channels.iter().map(Channel::presumed_noise).collect(),
+            ..Self::default()
+        }
+    }
 }
 
 /// What of a reported effect holds beyond the session in which it was found.
@@ -441,6 +457,19 @@ impl Under {
             }
         }
         beta
+    }
+
+    /// Derivatives of the model's parameters `beta` by those that the result reports: they are linear.
+    pub(crate) fn by_reported(&self, beta: &[f64]) -> DMatrix<f64> {
+        let mut map = DMatrix::zeros(beta.len(), self.values.len());
+        for k in 0..self.values.len() {
+            let mut values = self.values.clone();
+            values[k] += 1.0;
+            for (i, (ahead, here)) in self.internal(&values).iter().zip(beta).enumerate() {
+                map[(i, k)] = ahead - here;
+            }
+        }
+        map
     }
 
     /// Platform pose of every row where the result has these values.

@@ -6,7 +6,7 @@ use faer::Mat;
 use crate::Error;
 use crate::apply::change::PlatformRms;
 use crate::apply::poses::poses_of;
-use crate::design::contest::{Contest, Field, Rival};
+use crate::design::contest::{Contest, DECIDED, Field, Rival};
 use crate::design::exchange::Criterion;
 use crate::design::forecast::decides;
 use crate::design::hidden::{WorstHidden, with_priors, worst_hidden};
@@ -14,6 +14,7 @@ use crate::design::linearised::{Linearised, Whitened};
 use crate::design::moments::{Moments, PoseSlopes, moments_of, slopes_of};
 use crate::design::plan::{Within, workspace};
 use crate::design::precision::Precision;
+use crate::design::purpose::{Purpose, poses_to_decide, worth};
 use crate::design::reachable::{Reachable, around, reachable};
 use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::options::SearchOptions;
@@ -76,32 +77,6 @@ impl Default for FurtherOptions {
     }
 }
 
-/// What a pose is visited for.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-#[cfg_attr(feature = "serde", serde(tag = "kind", rename_all = "snake_case"))]
-pub enum Purpose {
-    /// It tells two explanations apart.
-    Tells {
-        /// Their numbers.
-        apart: [usize; 2],
-        /// By how much `λ` grows.
-        gain: f64,
-    },
-    /// It shows where the platform is.
-    Platform {
-        /// Standard deviation of the platform before the pose [length unit].
-        before: f64,
-        /// The same after it.
-        after: f64,
-    },
-    /// What is made small falls.
-    Falls {
-        /// By this factor.
-        times: f64,
-    },
-}
-
 /// What is to be expected of a plan.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
@@ -131,6 +106,10 @@ pub struct Further {
     pub waits: Vec<f64>,
     /// What each pose is visited for.
     pub purposes: Vec<Purpose>,
+    /// Of each pose, whether it is worth a visit.
+    pub worth: Vec<bool>,
+    /// How many poses like those that are worth a visit would be a decision; none where nothing is told apart.
+    pub needed: Option<f64>,
     /// Explanations that no pose tells from another one: pairs of numbers.
     pub merged: Vec<[usize; 2]>,
     /// `λ_ab` of the plan, rival by rival of those that are not merged; with their numbers.
@@ -143,9 +122,6 @@ pub struct Further {
 
 /// Poses from which the platform is judged.
 const JUDGED: usize = 48;
-
-/// Rivals are merged where all candidates together give no `λ` beyond this.
-const APART: f64 = 12.0;
 
 /// Candidates that are looked at again for each pose where time or direction matters.
 const AGAIN: usize = 400;
@@ -301,12 +277,17 @@ pub fn further(
     };
     let m = kept.len();
     let lambda = (0..m * m).map(|ab| contest.lambda(ab / m, ab % m)).collect();
+    let purposes: Vec<Purpose> = steps.iter().map(|s| s.purpose.clone()).collect();
+    let worth = worth(&purposes);
+    let visits = worth.iter().filter(|worth| **worth).count();
     Ok(Further {
         criterion,
         poses: planned.poses.clone(),
         table: planned.table,
         waits: steps.iter().map(|s| s.wait).collect(),
-        purposes: steps.into_iter().map(|s| s.purpose).collect(),
+        purposes,
+        needed: poses_to_decide(visits, forecast.least_lambda),
+        worth,
         merged,
         lambda: (kept, lambda),
         forecast,
@@ -395,8 +376,9 @@ fn merge(
     let mut kept: Vec<usize> = Vec::new();
     let mut merged = Vec::new();
     for b in 0..sides.len() {
-        // One may imitate the other but not the other way round: then the truth can be told.
-        let same = |&a: &usize| probed.lambda(a, b).max(probed.lambda(b, a)) < APART;
+        // One may imitate the other but not the other way round: then the truth can be told. Of those that all
+        // candidates together do not decide between, one is left.
+        let same = |&a: &usize| probed.lambda(a, b).max(probed.lambda(b, a)) < DECIDED;
         match kept.iter().copied().find(same) {
             Some(a) => {
                 rivals[a].probability += rivals[b].probability;

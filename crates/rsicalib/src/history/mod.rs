@@ -8,8 +8,12 @@
 //! the device beside the deviations that its results state.
 
 mod course;
+mod forecast;
 mod past;
 mod regression;
+mod series;
 
 pub use course::{Course, CourseKind, Jump, course};
+pub use forecast::{Forecast, forecast};
 pub use past::Past;
+pub use series::{Dated, Series, series};

@@ -183,6 +183,13 @@ impl Channel {
         self.unit == COUNT
     }
 
+    /// Standard deviation of one reading before anything tells it: as declared, else one count, or 1e-5 of the
+    /// joint's coordinate.
+    #[must_use]
+    pub fn presumed_noise(&self) -> f64 {
+        self.noise.unwrap_or_else(|| if self.counts() { 1.0 } else { 1e-5 / self.gain.abs() })
+    }
+
     /// True for a voltage that a converter reads against its reference, in counts or in volts;
     /// an encoder has none.
     #[must_use]

@@ -141,6 +141,33 @@ impl SomePoses {
     }
 }
 
+/// How the loops close under a result in the rows of a table that are `counted`, root mean square over all closures
+/// [length unit]; none where something is unknown beside the terms, which these rows need not have touched.
+///
+/// # Errors
+///
+/// As [`crate::apply::earlier::platform_poses`]; [`Error::Shape`] unless each row is counted or not.
+pub fn rms_misclosure(
+    mechanism: &Mechanism,
+    applied: &Applied,
+    table: Table,
+    counted: &[bool],
+) -> Result<Option<f64>, Error> {
+    let under = Under::new(mechanism, applied, table)?;
+    let (model, readings) = (&under.model, &under.readings);
+    if counted.len() != readings.samples {
+        let (what, found) = ("counted rows".into(), counted.len());
+        return Err(Error::Shape { what, found, expected: readings.samples });
+    }
+    if model.parameters > model.term_parameters || model.pose_unknowns() > 0 {
+        return Ok(None);
+    }
+    let weights: Vec<f64> = counted.iter().map(|counted| f64::from(*counted)).collect();
+    let part = Part { model, readings, weights: Some(&weights) };
+    let squares = part.mean_square_lengths(&under.internal(&under.values));
+    Ok(Some((squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()))
+}
+
 /// Compares readings with a result whose parameters have this covariance, row by row. Samples that touch
 /// an unknown place which the result does not have say nothing. None where no others are left, where the readings
 /// lack what a term needs, for terms that need the samples in between where only some of many are compared,
@@ -375,7 +402,37 @@ fn root(covariance: &DMatrix<f64>) -> DMatrix<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::Loops;
+    use super::{Applied, Error, Loops, Mechanism, Table, rms_misclosure};
+    use crate::apply::earlier::{Reported, points};
+    use crate::design::within_limits::within_limits;
+
+    #[test]
+    fn misclosure_is_that_of_the_distances_between_carried_points() -> Result<(), Error> {
+        let rsi = Mechanism::rsi();
+        let value = rsi.channels[4].offset + 1e-3;
+        let off = Reported { spec: "offset@a22".into(), name: "offset".into(), value };
+        let applied = Applied { parameters: vec![off], ..Applied::declared(&rsi) };
+        let table = Table { values: within_limits(&rsi, 20, 3)?, ..Table::default() };
+        // The first row is not counted.
+        let counted: Vec<bool> = (0..table.values.len() / 9).map(|row| row > 0).collect();
+        let found = rms_misclosure(&rsi, &applied, table.clone(), &counted)?;
+        // Witness: where the chains carry the wrists, which are 1.5 √3 apart.
+        let at = points(&rsi, &applied, table)?;
+        let long = |a: &[f64; 3], b: &[f64; 3]| {
+            (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt() - 1.5 * 3.0_f64.sqrt()
+        };
+        let of = |(i, j): (usize, usize)| {
+            at[i].iter().zip(&at[j]).skip(1).map(|(a, b)| long(a, b).powi(2))
+        };
+        let squares: Vec<f64> = [(0, 1), (1, 2), (0, 2)].into_iter().flat_map(of).collect();
+        let expected = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+        // Of squares of distances: the error over twice the distance, a thousandth here.
+        assert!(
+            found.is_some_and(|rms| (rms / expected - 1.0).abs() < 2e-3),
+            "{found:?} {expected}"
+        );
+        Ok(())
+    }
 
     #[test]
     fn a_closure_that_no_row_touches_is_not_quiet() {

@@ -3,6 +3,7 @@
 use faer::Mat;
 
 use crate::Error;
+use crate::estimate::significance::CLEAN;
 use crate::numerics::distributions::{
     chi2_quantile, f_tail, normal_cdf, normal_quantile, student_quantile,
 };
@@ -11,6 +12,15 @@ use crate::population::levels::{Levels, Spread};
 
 /// Common error of the noise of a fleet, in parts, that a sum of χ² must not take for an effect.
 const NOISE: f64 = 0.01;
+
+/// Which of some tests are beyond chance, all of them counted in: chance calls any of them so in [`CLEAN`] of
+/// cases. A test without a probability says nothing.
+#[must_use]
+pub fn beyond_chance(p_values: &[Option<f64>]) -> Vec<bool> {
+    let tests = p_values.iter().flatten().count();
+    let level = CLEAN / tests.max(1) as f64;
+    p_values.iter().map(|p| p.is_some_and(|p| p < level)).collect()
+}
 
 /// The χ² of many devices together.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -236,13 +246,22 @@ fn with_levels(all: &[(f64, f64)], levels: &[Vec<usize>]) -> Result<Shift, Error
 
 #[cfg(test)]
 mod tests {
-    use super::common_shifts;
+    use super::{beyond_chance, common_shifts};
 
     const LEVELS: [usize; 8] = [0, 0, 1, 1, 2, 2, 3, 3];
 
     fn drawn(unit: f64) -> Vec<(f64, f64)> {
         let of = |u: usize| (unit * [3.0, 2.0, -4.0, -1.0, 0.5, 2.5, 7.0, 9.0][u], unit);
         (0..8).map(of).collect()
+    }
+
+    #[test]
+    fn tests_share_the_level_of_all_of_them() {
+        let p = [Some(0.004), None, Some(0.006), Some(f64::NAN)];
+        assert_eq!(beyond_chance(&p[..2]), [true, false]);
+        // Three that have a probability: a third of 1 % each.
+        assert_eq!(beyond_chance(&p), [false; 4]);
+        assert_eq!(beyond_chance(&p[2..3]), [true]);
     }
 
     #[test]

@@ -25,7 +25,7 @@ mod share;
 pub mod standing_out;
 mod vectors;
 
-pub use first::{Shift, Summed, common_shifts, summed};
+pub use first::{Shift, Summed, beyond_chance, common_shifts, summed};
 pub use found::{Common, DesignError, Found, found};
 pub use joint::{Device, Joint, solve};
 pub use levels::Spread;

@@ -151,6 +151,9 @@ macro_rules! result {
         }
 
         impl Parts for $name {
+            fn verdict(&self) -> Verdict {
+                self.verdict
+            }
             fn parameters(&self) -> &[ParameterReport] {
                 &self.parameters
             }
@@ -181,6 +184,8 @@ macro_rules! result {
 
 /// The parts of a result that must agree with each other.
 pub(crate) trait Parts {
+    /// The verdict.
+    fn verdict(&self) -> Verdict;
     /// Estimates.
     fn parameters(&self) -> &[ParameterReport];
     /// Their covariance, row by row.

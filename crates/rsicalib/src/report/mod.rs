@@ -6,6 +6,9 @@ pub mod beside;
 pub mod between;
 #[doc(hidden)]
 pub mod calibrated;
+#[cfg(feature = "document")]
+#[doc(hidden)]
+pub mod certificate;
 #[doc(hidden)]
 pub mod device;
 #[cfg(feature = "document")]

@@ -34,6 +34,24 @@ pub struct Refused {
     pub expected: String,
 }
 
+impl Document {
+    /// What both have.
+    pub(crate) fn parts(&self) -> &dyn Parts {
+        match self {
+            Self::Calibration(result) => &**result,
+            Self::Trace(result) => &**result,
+        }
+    }
+
+    /// The trace, where it is one.
+    pub(crate) fn trace(&self) -> Option<&Trace> {
+        match self {
+            Self::Calibration(_) => None,
+            Self::Trace(result) => Some(result),
+        }
+    }
+}
+
 #[derive(Deserialize)]
 struct Head {
     #[serde(default)]
@@ -46,13 +64,24 @@ struct Head {
 ///
 /// [`Refused`] with the place.
 pub fn read(text: &str) -> Result<Document, Refused> {
+    let read = written(text)?;
+    check(read.parts())?;
+    Ok(read)
+}
+
+/// Reads a result that a program holds, as it wrote it: parts that were changed since need not agree.
+///
+/// # Errors
+///
+/// [`Refused`] with the place.
+pub fn written(text: &str) -> Result<Document, Refused> {
     let head: Head = parse(text)?;
     let format = head.format.as_str().unwrap_or_default().to_owned();
     if format == FORMATS[0] {
-        return Ok(Document::Calibration(Box::new(checked(text)?)));
+        return Ok(Document::Calibration(Box::new(completed(text)?)));
     }
     if format == FORMATS[1] {
-        return Ok(Document::Trace(Box::new(checked(text)?)));
+        return Ok(Document::Trace(Box::new(completed(text)?)));
     }
     let found = if format.is_empty() { head.format.to_string() } else { quoted(&format) };
     Err(Refused { place: "format".into(), found, expected: FORMATS.join(" or ") })
@@ -99,13 +128,12 @@ fn plain(words: &str) -> String {
     }
 }
 
-/// A result whose parts agree.
-fn checked<'de, T: Deserialize<'de> + Parts>(text: &'de str) -> Result<T, Refused> {
+/// A result with what an earlier version did not write.
+fn completed<'de, T: Deserialize<'de> + Parts>(text: &'de str) -> Result<T, Refused> {
     let mut read: T = parse(text)?;
     if let Some(noise) = read.noise_mut().filter(|noise| noise.kind.is_none()) {
         noise.kind = source_of(&noise.source);
     }
-    check(&read)?;
     Ok(read)
 }
 
@@ -126,7 +154,7 @@ fn source_of(said: &str) -> Option<Source> {
 }
 
 /// Checks that the parts of a result agree, and that each is what it can be.
-fn check(result: &impl Parts) -> Result<(), Refused> {
+fn check(result: &dyn Parts) -> Result<(), Refused> {
     check_parameters(result)?;
     let sd = |p: &ParameterReport| p.sd;
     check_covariance("covariance", result.parameters(), result.covariance(), sd)?;
@@ -168,7 +196,7 @@ fn refuse<T>(
 }
 
 /// Refuses a parameter that stands twice, and numbers that none can have.
-fn check_parameters(result: &impl Parts) -> Result<(), Refused> {
+fn check_parameters(result: &dyn Parts) -> Result<(), Refused> {
     let key =
         |p: &ParameterReport| (p.term.clone(), p.target.clone(), p.place.clone(), p.name.clone());
     let mut seen = std::collections::HashSet::new();
@@ -200,7 +228,7 @@ fn check_parameters(result: &impl Parts) -> Result<(), Refused> {
 }
 
 /// Refuses changes from group to group that nothing has.
-fn check_between(result: &impl Parts) -> Result<(), Refused> {
+fn check_between(result: &dyn Parts) -> Result<(), Refused> {
     let Some(between) = result.between() else { return Ok(()) };
     let sd = |p: &ParameterReport| p.sd_between;
     check_covariance("between.covariance", result.parameters(), &between.covariance, sd)?;
@@ -269,7 +297,7 @@ fn check_covariance(
 }
 
 /// Refuses numbers that no fit has.
-fn check_fit(result: &impl Parts) -> Result<(), Refused> {
+fn check_fit(result: &dyn Parts) -> Result<(), Refused> {
     for (place, fit) in result.fits() {
         if let Some(p) = fit.p_value.filter(|p| !(0.0..=1.0).contains(p)) {
             return refuse(&format!("{place}.p_value"), p.to_string(), "0 to 1, or null");

@@ -283,9 +283,7 @@ pub(crate) fn presumed(observations: &Observations) -> Noise {
     if let Some(sigma) = &options.noise {
         return Noise { sigma: sigma.clone(), play: options.play, seating, measured };
     }
-    let channels = &observations.mechanism.channels;
-    let guess = |c: &Channel| if c.counts() { 1.0 } else { 1e-5 / c.gain.abs() };
-    let sigma = channels.iter().map(|c| c.noise.unwrap_or_else(|| guess(c))).collect();
+    let sigma = observations.mechanism.channels.iter().map(Channel::presumed_noise).collect();
     Noise { sigma, play: 1.0, seating, measured }
 }
 

@@ -1,0 +1,173 @@
+//! When the error of the platform will exceed a target, if the last calibration stays in use.
+//!
+//! Errors of the parameters grow from what the last result leaves open. With the derivative `J` of the
+//! platform's positions at `n` poses by the reported parameters, (100),
+//!
+//! ```text
+//! δ(t) = δ + √2 τ z + t (ρ + sd_ρ z'),    δ ~ N(0, C),    rms² = |J δ(t)|² / 3n        (147)
+//! ```
+//!
+//! with rate `ρ` and scatter `τ` of (127), parameter by parameter. What scatters from session to session is
+//! elsewhere now, as it was elsewhere then: twice its variance.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::Error;
+use crate::apply::earlier::{Applied, Under};
+use crate::apply::slopes::platform_slopes;
+use crate::history::series::Series;
+use crate::mechanism::Mechanism;
+use crate::numerics::draws::{Draws, square_root};
+use crate::readings::Table;
+
+/// Draws: a share of one in twenty has a standard error of 0.3 %.
+const DRAWS: usize = 4000;
+
+/// Days after which nothing is said: ten years.
+const HORIZON: u32 = 3650;
+
+/// The error of the platform to come: position, root mean square over components.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
+pub struct Forecast {
+    /// What is too much [length unit].
+    pub target: f64,
+    /// Median on the day of the last result: what its uncertainty leaves [length unit].
+    pub now: f64,
+    /// Days until half of the draws are above the target; none: not within ten years.
+    pub day: Option<u32>,
+    /// Days until one in twenty is.
+    pub from_day: Option<u32>,
+}
+
+/// The forecast of a device under its last result, at the poses of a table.
+///
+/// `covariance` is that of the result's parameters, row by row; a parameter without a series stands still.
+///
+/// # Errors
+///
+/// As [`crate::apply::earlier::platform_poses`]; [`Error::Shape`] where the covariance is of other parameters.
+pub fn forecast(
+    mechanism: &Mechanism,
+    last: &Applied,
+    covariance: &[f64],
+    series: &[Series],
+    table: Table,
+    target: f64,
+) -> Result<Forecast, Error> {
+    let n = last.parameters.len();
+    if covariance.len() != n * n {
+        let (what, found) = ("covariance".into(), covariance.len());
+        return Err(Error::Shape { what, found, expected: n * n });
+    }
+    let square = mean_square(&Under::new(mechanism, last, table)?)?;
+    let root = square_root(&DMatrix::from_row_slice(n, n, covariance));
+    let course = |k: usize| {
+        let own = &last.parameters[k];
+        let same = |one: &&Series| (&one.spec, &one.name) == (&own.spec, &own.name);
+        series.iter().find(same)?.course.as_ref()
+    };
+    let of = |k: usize| course(k).map_or([0.0; 3], |c| [c.rate, c.rate_sd, c.scatter]);
+    let courses: Vec<[f64; 3]> = (0..n).map(of).collect();
+    let mut random = Draws::new(0);
+    let drawn = (0..DRAWS).map(|_| {
+        let mut normal = |size: usize| DVector::from_fn(size, |_, _| random.normal());
+        let (own, elsewhere, rates) = (normal(n), normal(n), normal(n));
+        let apart = |k: usize, _| 2.0_f64.sqrt() * courses[k][2] * elsewhere[k];
+        let error = &root * own + DVector::from_fn(n, apart);
+        let rate = DVector::from_fn(n, |k, _| courses[k][0] + courses[k][1] * rates[k]);
+        let by_rate = &square * &rate;
+        // The mean square of a day t is a + 2 b t + c t².
+        [error.dot(&(&square * &error)), error.dot(&by_rate), rate.dot(&by_rate)]
+    });
+    let drawn: Vec<[f64; 3]> = drawn.collect();
+    let mut now: Vec<f64> = drawn.iter().map(|[a, ..]| a.max(0.0).sqrt()).collect();
+    now.sort_by(f64::total_cmp);
+    let past = |share: f64| {
+        let is_past = |day: u32| {
+            let t = f64::from(day);
+            let above = |[a, b, c]: &&[f64; 3]| a + t * (2.0 * b + t * c) > target * target;
+            drawn.iter().filter(above).count() as f64 >= share * DRAWS as f64
+        };
+        first_day(is_past)
+    };
+    Ok(Forecast { target, now: now[DRAWS / 2], day: past(0.5), from_day: past(0.05) })
+}
+
+/// `JᵀJ / 3n`.
+fn mean_square(under: &Under) -> Result<DMatrix<f64>, Error> {
+    let beta = under.internal(&under.values);
+    let by_reported = under.by_reported(&beta);
+    let all = platform_slopes(&under.model, &under.readings, &beta, &under.noise, 1)?;
+    let mut square = DMatrix::zeros(under.values.len(), under.values.len());
+    for slopes in &all {
+        let by = slopes.by_parameter.rows(0, 3) * &by_reported;
+        square += by.transpose() * &by;
+    }
+    Ok(square / (3.0 * all.len().max(1) as f64))
+}
+
+/// The first day that is past, by halves; none where the last is not.
+fn first_day(is_past: impl Fn(u32) -> bool) -> Option<u32> {
+    if !is_past(HORIZON) {
+        return None;
+    }
+    let (mut low, mut high) = (0, HORIZON);
+    while low < high {
+        let middle = u32::midpoint(low, high);
+        if is_past(middle) { high = middle } else { low = middle + 1 }
+    }
+    Some(low)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::apply::earlier::{Reference, Reported, platform_poses};
+    use crate::apply::moved::Estimate;
+    use crate::design::within_limits::within_limits;
+    use crate::history::series::{Dated, series};
+
+    /// The hand controller with the offset of one channel, at its own value.
+    fn last(mechanism: &Mechanism, value: f64) -> Applied {
+        let reported = Reported { spec: "offset@a22".into(), name: "offset".into(), value };
+        let middle = mechanism.channels.iter().map(|c| c.middle()).collect();
+        let reference = Reference { centre: middle, span: vec![[0.0; 2]; 9], temperature: None };
+        Applied { parameters: vec![reported], reference, sigma: vec![1.0; 9], ..Applied::default() }
+    }
+
+    #[test]
+    fn a_drift_that_is_known_takes_the_platform_to_the_target_on_its_day() -> Result<(), Error> {
+        let rsi = Mechanism::rsi();
+        let (offset, rate) = (rsi.channels[4].offset, 1e-5);
+        let table = Table { values: within_limits(&rsi, 12, 1)?, ..Table::default() };
+        let estimate = |day: f64| Estimate {
+            spec: "offset@a22".into(),
+            name: "offset".into(),
+            value: Some(offset + rate * day),
+            sd: Some(1e-12),
+        };
+        let dated = |day| Dated { day, estimates: vec![estimate(day)], ..Dated::default() };
+        let (series, _) = series(&rsi, &[dated(-20.0), dated(-10.0), dated(0.0)])?;
+        // Witness: poses that are found again where the offset has drifted for a hundred days.
+        let poses = |value| platform_poses(&rsi, &last(&rsi, value), table.clone());
+        let (here, there) = (poses(offset)?, poses(offset + 100.0 * rate)?);
+        let apart = |i: usize| (0..3).map(|k| (there[i][k] - here[i][k]).powi(2)).sum::<f64>();
+        let sum: f64 = (0..here.len()).map(apart).sum();
+        let target = (sum / (3.0 * here.len() as f64)).sqrt();
+        let of = |sd: f64, series: &[Series]| {
+            forecast(&rsi, &last(&rsi, offset), &[sd * sd], series, table.clone(), target)
+        };
+        let found = of(0.0, &series)?;
+        // A milliradian: what is not linear is a thousandth of it, a tenth of a day.
+        let near = |day: Option<u32>| day.is_some_and(|day| day.abs_diff(100) <= 1);
+        assert!(near(found.day) && near(found.from_day) && found.now.abs() < 1e-9, "{found:?}");
+        // What the last result leaves open: the median of |z| is .6745, known to 1.2 / √4000 of it by draws.
+        let open = of(1e-3, &[])?;
+        assert!((open.now / (0.6745 * target) - 1.0).abs() < 0.08, "{open:?}");
+        // |z| is above 1 in 32 of 100 draws: in one of twenty from the first day on, never in half.
+        assert_eq!((open.from_day, open.day), (Some(0), None));
+        Ok(())
+    }
+}
