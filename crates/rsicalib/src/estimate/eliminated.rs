@@ -13,7 +13,7 @@
 //! same `N` but for their noise. No single entry of `g` belongs to a closure; `N g = N Nᵀ r` does.
 
 use crate::model::RANK;
-use crate::numerics::lanes::{Lanes, WIDTH};
+use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
 
 /// The reflections of one block, and `R`.
 #[derive(Debug, Clone, Default)]
@@ -131,15 +131,20 @@ impl Eliminated {
 
 /// `rows -= v vᵀ rows`, where `vᵀ v` is two, or zero for no reflection.
 fn reflect(v: &[Lanes], rows: &mut [Lanes], columns: usize) {
-    for c in 0..columns {
-        let mut along = Lanes::ZERO;
-        for (i, v) in v.iter().enumerate() {
-            along = v.mul_add(rows[i * columns + c], along);
-        }
-        for (i, v) in v.iter().enumerate() {
-            rows[i * columns + c] -= *v * along;
-        }
-    }
+    dispatch(
+        #[inline(always)]
+        || {
+            for c in 0..columns {
+                let mut along = Lanes::ZERO;
+                for (i, v) in v.iter().enumerate() {
+                    along = v.mul_add(rows[i * columns + c], along);
+                }
+                for (i, v) in v.iter().enumerate() {
+                    rows[i * columns + c] -= *v * along;
+                }
+            }
+        },
+    );
 }
 
 #[cfg(test)]

@@ -146,6 +146,7 @@ impl Moving {
     }
 
     /// Where a point is, with what its coordinates in a pose are.
+    #[inline(always)]
     pub(crate) fn place(&self, number: usize, xi: &[Lanes]) -> Vec3 {
         let Posed { at, slots, body } = &self.points[number];
         let Some(body) = body else {
@@ -159,6 +160,7 @@ impl Moving {
     }
 
     /// How a point moves with each of its coordinates in a pose.
+    #[inline(always)]
     pub(crate) fn moves(
         &self,
         number: usize,
@@ -185,6 +187,7 @@ impl Moving {
     }
 
     /// Origin of a body, its rotation row by row, and the axes about which `rx ry rz` turn it, eq. (1).
+    #[inline(always)]
     fn pose(&self, body: usize, xi: &[Lanes]) -> (Vec3, [Vec3; 3], [Vec3; 3]) {
         let Body { pose, slots } = &self.bodies[body];
         let of = |k: usize| slots[k].map_or(Lanes::splat(pose[k]), |slot| xi[slot]);

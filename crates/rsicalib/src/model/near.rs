@@ -1,10 +1,8 @@
 //! A place of what is unknown in one pose, and the nearest one at which the closures are least open.
 
-use nalgebra::{DMatrix, DVector};
-
 use crate::model::compiled::Model;
 use crate::model::workspace::{Want, Workspace};
-use crate::numerics::lanes::{Lanes, WIDTH};
+use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
 use crate::readings::Readings;
 
 /// The one rule of rank for what is unknown in one pose: a direction that moves the equations less
@@ -63,15 +61,15 @@ impl Model {
         let mut here = look(&start);
         let mut damping = [1e-3; WIDTH];
         for _ in 0..STEPS {
-            let mut xi = here.xi.clone();
-            let mut moved = false;
-            for (lane, damping) in damping.iter().enumerate() {
-                let Some(step) = here.step(lane, *damping, &lengths) else { continue };
-                for (x, step) in xi.iter_mut().zip(step.iter()) {
-                    moved |= step.abs() > STILL * (1.0 + x.0[lane].abs());
-                    x.0[lane] += step;
-                }
-            }
+            let step = here.step(Lanes(damping), &lengths);
+            let far = |(x, step): (&Lanes, &Lanes)| {
+                x.zip(*step, |x, step| step.abs() - STILL * (1.0 + x.abs()))
+                    .0
+                    .iter()
+                    .any(|s| *s > 0.0)
+            };
+            let moved = here.xi.iter().zip(&step).any(far);
+            let xi: Vec<Lanes> = here.xi.iter().zip(&step).map(|(x, step)| *x + *step).collect();
             if !moved {
                 break;
             }
@@ -90,26 +88,63 @@ impl Model {
 }
 
 impl Near {
-    /// The damped step of one lane; none where nothing is to be had.
-    fn step(&self, lane: usize, damping: f64, lengths: &[f64]) -> Option<DVector<f64>> {
+    /// The damped step, by Cholesky's factor; zero in lanes where nothing is to be had.
+    fn step(&self, damping: Lanes, lengths: &[f64]) -> Vec<Lanes> {
         let n = self.xi.len();
-        let mut gram = DMatrix::<f64>::zeros(n, n);
-        let mut slope = DVector::<f64>::zeros(n);
-        for (k, length) in lengths.iter().enumerate() {
-            let row = |j: usize| self.b[k * n + j].0[lane] * length;
-            for i in 0..n {
-                slope[i] -= row(i) * self.f[k].0[lane] * length;
-                for j in 0..n {
-                    gram[(i, j)] += row(i) * row(j);
+        let (mut l, mut step) = (vec![Lanes::ZERO; n * n], vec![Lanes::ZERO; n]);
+        dispatch(
+            #[inline(always)]
+            || {
+                for ((row, f), length) in self.b.chunks_exact(n).zip(&self.f).zip(lengths) {
+                    let square = length * length;
+                    for i in 0..n {
+                        let by = row[i] * square;
+                        step[i] -= by * *f;
+                        for j in 0..=i {
+                            l[i * n + j] += by * row[j];
+                        }
+                    }
                 }
+                let mut least = Lanes::ZERO;
+                for i in 0..n {
+                    least = least.zip(l[i * n + i], f64::max);
+                }
+                for i in 0..n {
+                    let own = l[i * n + i];
+                    l[i * n + i] += damping * own.zip(least * (RANK * RANK), f64::max);
+                }
+                for i in 0..n {
+                    for j in 0..=i {
+                        let mut left = l[i * n + j];
+                        for m in 0..j {
+                            left -= l[i * n + m] * l[j * n + m];
+                        }
+                        l[i * n + j] = if i == j { left.sqrt() } else { left / l[j * n + j] };
+                    }
+                }
+                for i in 0..n {
+                    for m in 0..i {
+                        let known = step[m];
+                        step[i] -= l[i * n + m] * known;
+                    }
+                    step[i] = step[i] / l[i * n + i];
+                }
+                for i in (0..n).rev() {
+                    for m in i + 1..n {
+                        let known = step[m];
+                        step[i] -= l[m * n + i] * known;
+                    }
+                    step[i] = step[i] / l[i * n + i];
+                }
+            },
+        );
+        // What is not positive definite has no root, or divides by zero.
+        for lane in 0..WIDTH {
+            if !step.iter().all(|s| s.0[lane].is_finite()) {
+                step.iter_mut().for_each(|s| s.0[lane] = 0.0);
             }
         }
-        let least = RANK * RANK * gram.diagonal().max();
-        for i in 0..n {
-            gram[(i, i)] += damping * gram[(i, i)].max(least);
-        }
-        let step = gram.cholesky()?.solve(&slope);
-        step.iter().all(|s| s.is_finite()).then_some(step)
+        step
     }
 
     /// Largest coordinate of the place of one lane.

@@ -32,12 +32,11 @@
 //! best: what `E` errs by where they err is a small part of it, and what noise makes of `P''` is not. `E` begins as the
 //! square of `T`, and of `-T²` it is the opposite.
 
-use std::borrow::Cow;
 use std::iter::zip;
 use std::ops::Range;
 use std::sync::OnceLock;
 
-use crate::numerics::lanes::{Lanes, WIDTH};
+use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
 use crate::numerics::median::median;
 use crate::readings::context::direction;
 use crate::readings::table::Table;
@@ -47,6 +46,12 @@ const FARTHEST: usize = 8;
 
 /// Rows of a polynomial at the most.
 const MOST: usize = 2 * FARTHEST + 1;
+
+/// Rows of a polynomial in whole vectors.
+const ROWS: usize = MOST.next_multiple_of(WIDTH);
+
+/// Rows of two polynomials that are neighbours, in whole vectors.
+const SPAN: usize = 2 * ROWS;
 
 /// Standard deviations by which a velocity is beyond noise.
 const SURE: f64 = 3.0;
@@ -58,7 +63,7 @@ const PARABOLA: usize = 3;
 const ZERO: [f64; QUARTIC] = [0.0; QUARTIC];
 
 /// Rows of a recording whose polynomials are kept: a bound on memory, 6 MB for each reach.
-const KEPT: usize = 8192;
+const KEPT: usize = 40_000;
 
 stated! {
     /// A pause of so many usual times between rows is no part of a course.
@@ -185,7 +190,10 @@ impl CourseAt<'_> {
         let mut last = [[0.0; 3]; 2];
         for (lane, &row) in self.rows.iter().enumerate() {
             if lane == 0 || row != self.rows[lane - 1] {
-                last = courses.moved(self.table, row, channel, late);
+                last = dispatch(
+                    #[inline(always)]
+                    || courses.moved(self.table, row, channel, late),
+                );
                 // What is read in a stretch is the mean of many rows, of which noise from row to row is no part.
                 if self.of_many {
                     last[1] = [1.0, 0.0, 0.0];
@@ -228,7 +236,7 @@ impl Courses {
         let Some(time) = &table.time else { return (0.0, 0.0) };
         let local = self.local(time, row, self.reach[channel]);
         let mut weights = Weights::from(local.first);
-        weights.add(&local, [ZERO, local.basis(0.0)[1], ZERO]);
+        weights.add(time, &local, [ZERO, local.basis(0.0)[1], ZERO]);
         let value = |row: usize| table.values[row * self.reach.len() + channel];
         // Weights sum to zero: what all rows have in common would only round.
         let [_, weights_of_rows, _] = weights.of_rows(&weights.rows());
@@ -268,6 +276,7 @@ impl Courses {
     }
 
     /// Change and the spread of (164), of a row that becomes what it followed.
+    #[inline(always)]
     fn moved(&self, table: &Table, row: usize, channel: usize, late: Late) -> [Sum<f64>; 2] {
         let Some(time) = &table.time else { return [[0.0; 3], [1.0, 0.0, 0.0]] };
         let reach = self.reach[channel];
@@ -284,9 +293,9 @@ impl Courses {
             Weights::from(bent.map_or(first(reach), |(_, r)| first(r).min(first(reach))));
         let mut of_own = Weights::from(own.first);
         if late.lag == 0.0 {
-            of_own.add(&own, [ZERO, speed, ZERO]);
+            of_own.add(time, &own, [ZERO, speed, ZERO]);
         } else {
-            of_own.add(&own, [here.map(|v| -v), ZERO, ZERO]);
+            of_own.add(time, &own, [here.map(|v| -v), ZERO, ZERO]);
         }
         if beyond && late.lag != 0.0 {
             let edge = if after == start { start } else { end - 1 };
@@ -294,8 +303,8 @@ impl Courses {
                 (self.local(time, edge, reach), self.about(time, edge, reach, PARABOLA));
             let ([value, ..], [_, slope, _]) = (last.basis(0.0), line.basis(0.0));
             others = Weights::from(last.first);
-            others.add(&last, [value, ZERO, ZERO]);
-            others.add(&line, [slope.map(|s| s * (at - time[edge])), slope, ZERO]);
+            others.add(time, &last, [value, ZERO, ZERO]);
+            others.add(time, &line, [slope.map(|s| s * (at - time[edge])), slope, ZERO]);
         } else if !beyond {
             if late.lag != 0.0 {
                 self.blend(time, at, near, reach, &mut others, |local, t| {
@@ -312,6 +321,7 @@ impl Courses {
     }
 
     /// Adds what the polynomials about a row and the next make of an instant between both, blended as (165).
+    #[inline(always)]
     fn blend(
         &self,
         time: &[f64],
@@ -328,18 +338,17 @@ impl Courses {
             let local = self.local(time, row, reach);
             let [value, slope, bend] = of(&local, at - local.origin);
             let slope = std::array::from_fn(|k| share * slope[k] + rise * value[k]);
-            into.add(&local, [value.map(|v| share * v), slope, bend.map(|b| share * b)]);
+            into.add(time, &local, [value.map(|v| share * v), slope, bend.map(|b| share * b)]);
         }
     }
 
     /// The polynomials of fourth degree about a row; those of a recording that is not long are kept.
-    fn local(&self, time: &[f64], row: usize, reach: usize) -> Cow<'_, Local> {
+    fn local(&self, time: &[f64], row: usize, reach: usize) -> Local {
         let of = |row| self.about(time, row, reach, QUARTIC);
         if time.len() > KEPT {
-            return Cow::Owned(of(row));
+            return of(row);
         }
-        let all = self.locals[reach].get_or_init(|| (0..time.len()).map(of).collect());
-        Cow::Borrowed(&all[row])
+        self.locals[reach].get_or_init(|| (0..time.len()).map(of).collect())[row]
     }
 
     /// Rows about one by which its polynomial is told.
@@ -370,7 +379,7 @@ impl Courses {
             for &row in rows.iter().step_by(apart) {
                 let local = self.about(time, row, reach, terms);
                 let mut weights = Weights::from(local.first);
-                weights.add(&local, [local.basis(0.0)[0], ZERO, ZERO]);
+                weights.add(time, &local, [local.basis(0.0)[0], ZERO, ZERO]);
                 // Weights sum to one.
                 off.fill(0.0);
                 let [of_rows, ..] = weights.of_rows(&weights.rows());
@@ -410,8 +419,8 @@ struct Local {
     b: [f64; QUARTIC],
     /// Polynomials that these rows tell.
     told: usize,
-    /// `p_k / Σ p_k²` of each `k`, at each row.
-    at_rows: [[f64; MOST]; QUARTIC],
+    /// `1 / Σ p_k²` of each `k`.
+    per: [f64; QUARTIC],
 }
 
 impl Local {
@@ -436,13 +445,11 @@ impl Local {
                 }
             }
         }
-        for (p, square) in zip(&mut p, &squares[..told]) {
-            p.iter_mut().for_each(|p| *p /= square);
-        }
-        Self { first, end, origin, a, b, told, at_rows: p }
+        Self { first, end, origin, a, b, told, per: squares.map(f64::recip) }
     }
 
     /// The polynomials at an instant after the origin, their slopes, and the slopes of these.
+    #[inline(always)]
     fn basis(&self, t: f64) -> [[f64; QUARTIC]; 3] {
         let [mut p, mut d, mut dd] = [ZERO; 3];
         p[0] = 1.0;
@@ -458,6 +465,7 @@ impl Local {
     }
 
     /// `E` of (157) at an instant after the origin, and its derivatives by the instant and by `T²`.
+    #[inline(always)]
     fn bent(&self, t: f64, square: f64) -> Sum<[f64; QUARTIC]> {
         let (sign, constant) = (square.signum(), square.abs().sqrt());
         let [here, speed, _] = self.basis(t);
@@ -475,23 +483,33 @@ impl Local {
 struct Weights {
     first: usize,
     end: usize,
-    of: Sum<[f64; 2 * MOST + 1]>,
+    of: Sum<[f64; SPAN]>,
 }
 
 impl Weights {
     /// None, of rows from `first` on.
     const fn from(first: usize) -> Self {
-        Self { first, end: first, of: [[0.0; 2 * MOST + 1]; 3] }
+        Self { first, end: first, of: [[0.0; SPAN]; 3] }
     }
 
     /// Adds a polynomial, given by what its `p` are and their derivatives.
-    fn add(&mut self, local: &Local, of: Sum<[f64; QUARTIC]>) {
+    #[inline(always)]
+    fn add(&mut self, time: &[f64], local: &Local, of: Sum<[f64; QUARTIC]>) {
         self.end = self.end.max(local.end);
         let (at, rows) = (local.first - self.first, local.end - local.first);
-        for (to, of) in zip(&mut self.of, of) {
-            let to = &mut to[at..at + rows];
-            for (p, of) in zip(&local.at_rows, of).filter(|(_, of)| *of != 0.0) {
-                zip(to.iter_mut(), &p[..rows]).for_each(|(to, p)| *to += of * p);
+        let (mut t, mut before, mut p) = ([0.0; ROWS], [0.0; ROWS], [0.0; ROWS]);
+        t[..rows].copy_from_slice(&time[local.first..local.end]);
+        p[..rows].fill(1.0);
+        for k in 0..local.told {
+            if k > 0 {
+                let (origin, b) = (local.origin + local.a[k - 1], local.b[k - 1]);
+                for i in 0..ROWS {
+                    (before[i], p[i]) = (p[i], (t[i] - origin) * p[i] - b * before[i]);
+                }
+            }
+            for (to, of) in zip(&mut self.of, &of) {
+                let share = of[k] * local.per[k];
+                zip(&mut to[at..at + ROWS], &p).for_each(|(to, p)| *to += share * p);
             }
         }
     }
@@ -507,6 +525,7 @@ impl Weights {
 
     /// The change since `row` that has these weights and those of others, and what both make of the noise of
     /// that row, (164).
+    #[inline(always)]
     fn with(mut self, others: &Self, row: usize, value: impl Fn(usize) -> f64) -> [Sum<f64>; 2] {
         let both = self.first.max(others.first)..self.end.min(others.end);
         let (before, after) = if both.is_empty() {
