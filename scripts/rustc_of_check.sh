@@ -1,10 +1,11 @@
 #!/bin/sh
-# The compiler, as ./check has cargo call it. A crate of the workspace is read by clippy first, with the arguments of its
-# compiler: all that it depends on is compiled, where `cargo clippy` would check each dependency once more (docs/decisions/0011).
+# The compiler of the crates of the workspace, as ./check has cargo call it: what a plain cargo compiled is not taken for it.
+# Clippy reads each crate first, with the arguments of its compiler: all that it depends on is compiled, where `cargo clippy`
+# would check each dependency once more (docs/decisions/0011).
 #
 # Unit tests of the core are compiled without what costs more to compile than it saves to run: in eight units, without
-# optimisation across them, without vectors. Programs of tests beside it are not optimised. All else is compiled as for the
-# wheel: `cargo bench` takes the benches that are compiled here.
+# optimisation across them, without vectors. Programs of tests beside it and benches are not optimised: these are not run. All
+# else is compiled as for the wheel.
 set -eu
 
 # clippy RUSTC ARGUMENTS...: a warning is an error. Nothing is kept.
@@ -15,6 +16,7 @@ clippy() {
         shift
         case "$out$argument" in
         --emit=*) argument=--emit=metadata ;;
+        --json=*) argument=--json=diagnostic-rendered-ansi ;; # cargo hears of no file that is not kept
         --out-dir*) [ -z "$out" ] || argument=$kept ;;
         esac
         if [ "$argument" = --out-dir ]; then out=--out-dir; else out=""; fi
@@ -26,16 +28,17 @@ clippy() {
     return $failed
 }
 
-# Clippy reads the core as the program of its unit tests, which has all of it.
-case "${CARGO_PRIMARY_PACKAGE:+own} $* " in
-"own "*" --crate-name rsicalib "*" --crate-type lib "*) set -- "$@" -D warnings ;;
-"own "*) clippy "$@" ;;
+# Clippy reads the core as the program of its unit tests, which has all of it. What asks for the version has no crate.
+case " $* " in
+*" --crate-name rsicalib "*" --crate-type lib "*) set -- "$@" -D warnings ;;
+*" --crate-name ___ "*) ;;
+*" --crate-name "*) clippy "$@" ;;
 esac
 
 case " $* " in
 *" --crate-name rsicalib "*" --test "*)
     exec "$@" -C opt-level=2 -C lto=off -C codegen-units=8 -C no-vectorize-loops -C no-vectorize-slp
     ;;
-*" --crate-name suite "* | *" --crate-name fuzz "*) exec "$@" -C opt-level=0 ;;
+*" --crate-name suite "* | *" --crate-name fuzz "* | *rsicalib_benches*) exec "$@" -C opt-level=0 ;;
 *) exec "$@" ;;
 esac

@@ -14,7 +14,7 @@ pages() {
         esac
         after=$argument
     done
-    rustdoc "$@" -D warnings --out-dir target/doc
+    rustdoc "$@" -D warnings --out-dir "${CARGO_TARGET_DIR:-target}/doc_of_check"
 }
 
 case " $* " in

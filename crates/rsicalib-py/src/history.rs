@@ -49,7 +49,7 @@ pub fn history<'py>(
         let coming = last.map(|(applied, covariance, table, target)| {
             forecast(&mechanism.0, &applied, &covariance, &series, table, target)
         });
-        Ok::<_, rsicalib::Error>((series, passing, coming.transpose()?))
+        Ok::<_, rsicalib::Error>((series, passing, coming.transpose()?.flatten()))
     })?
     .map_err(PyError::from)?;
     let forecast = forecast.map(|forecast| pythonize(py, &forecast)).transpose()?;

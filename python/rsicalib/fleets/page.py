@@ -243,7 +243,7 @@ def _fits(rows: Mapping[str, Sequence[Any]]) -> Figure | None:
         f"{expected:.0f} would, which the line shows."
     )
     if lacks_together(summed(rows)):
-        words += " The devices as a whole lack an effect that one device alone may not show."
+        words += " All together lack an effect that one device alone may not show."
     return Figure("fits", draw, words)
 
 

@@ -205,7 +205,10 @@ def _last(mechanism: Mechanism, last: Result, target: float | None) -> Last | No
         return None
     if not np.isfinite(covariance).all():
         return None
-    values, _ = readings_at_work(last, mechanism, POSES, seed=0)
+    try:
+        values, _ = readings_at_work(last, mechanism, POSES, seed=0)
+    except InputError:  # no pose of the workspace is within reach; the history is known
+        return None
     table = as_table([Readings.from_arrays(mechanism, values)], mechanism, bare=True)
     return as_applied(last, mechanism), covariance, table, float(target)
 

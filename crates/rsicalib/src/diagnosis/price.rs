@@ -21,6 +21,8 @@
 //! differs from pose to pose, but what its author allows a loop to be open, and what explains a part
 //! of that explains nothing that was asked for.
 
+use std::cmp::Ordering;
+
 /// Kinds of candidates, each with its prior.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
@@ -126,6 +128,15 @@ pub fn charge(k: f64, score: f64) -> f64 {
     score + mean((0..amplitudes()).map(of))
 }
 
+/// Prices that differ by less are one: only rounding decides between them.
+const ALIKE: f64 = 1e-3;
+
+/// The order of prices. What costs the same stays in the order in which it was found, on every processor.
+pub(crate) fn by_price(a: f64, b: f64) -> Ordering {
+    let [a, b] = [a, b].map(|price| (price / ALIKE).round());
+    a.total_cmp(&b)
+}
+
 /// `-2 ln` of the mean of `exp(-price/2)`, each with its weight.
 pub fn mean(prices: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
     let least = prices.clone().map(|(price, _)| price).fold(f64::INFINITY, f64::min);
@@ -227,7 +238,15 @@ impl Said {
 
 #[cfg(test)]
 mod tests {
-    use super::{Data, Scale};
+    use super::{Data, Scale, by_price};
+
+    #[test]
+    fn what_rounding_alone_tells_apart_stays_in_its_order() {
+        let mut prices =
+            [(3.0, 'a'), (1.0 + 1e-12, 'b'), (1.0, 'c'), (1.0 - 1e-12, 'd'), (0.9, 'e')];
+        prices.sort_by(|a, b| by_price(a.0, b.0));
+        assert_eq!(prices.map(|(_, name)| name), ['e', 'b', 'c', 'd', 'a']);
+    }
 
     /// `-2 ln ∫ N(χ²; s²) p(s²) ds²` by Simpson's rule over the logarithm of the scale, where repeats
     /// give the variance `s²` by `nu` degrees of freedom.

@@ -14,10 +14,10 @@
 
 use faer::Mat;
 
-use crate::estimate::fit::rms_misclosure;
 use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::intervals::{at_noise_of, is_likeliest};
+use crate::estimate::objective::Part;
 use crate::estimate::observations::Observations;
 use crate::model::Prior;
 use crate::numerics::component::Contrasts;
@@ -43,7 +43,8 @@ pub(crate) fn as_near(observations: &Observations, fit: Fit) -> Fit {
         return fit;
     }
     let Some(beta) = nearer(observations, &fit, &drawn) else { return fit };
-    let rms_misclosure = rms_misclosure(observations, &fit.model, &beta);
+    let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
+    let rms_misclosure = Part { model: &fit.model, readings, weights }.rms_misclosure(&beta);
     Fit { beta, rms_misclosure, likeliest: Some(fit.beta), ..fit }
 }
 

@@ -571,7 +571,9 @@ fn conclude(
 
     let wider = widening(&noise, p_value, chi2 / dof);
     let covariance = Mat::from_fn(n, n, |i, j| inverse[(i, j)] * wider);
-    let rms_misclosure = rms_misclosure(observations, &model, &outcome.x);
+    let weights = Some(&observations.weights[..]);
+    let part = Part { model: &model, readings: &observations.readings, weights };
+    let rms_misclosure = part.rms_misclosure(&outcome.x);
     let plausible = !search::collapsed(&model, &outcome.x);
     if observations.is_long() {
         residuals.by_reading = Vec::new();
@@ -604,16 +606,6 @@ fn conclude(
         between: None,
         adjusted: None,
     }
-}
-
-/// Root mean square error of the closures that are in units of length, by these parameters.
-pub(crate) fn rms_misclosure(observations: &Observations, model: &Model, beta: &[f64]) -> f64 {
-    let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
-    let squares = Part { model, readings, weights }.mean_square_lengths(beta);
-    let counted: Vec<f64> = (squares.into_iter().zip(model.in_one_unit()))
-        .filter_map(|(square, counts)| counts.then_some(square))
-        .collect();
-    (counted.iter().sum::<f64>() / counted.len().max(1) as f64).sqrt()
 }
 
 /// Factor of the covariance beside the inverse of the Gram matrix: of correlated noise, and of a

@@ -112,6 +112,14 @@ impl Part<'_> {
         let squares = self.mean_squares(beta).into_iter().zip(self.model.lengths());
         squares.map(|(square, length)| square * length * length).collect()
     }
+
+    /// Root mean square of the misclosure over the equations of one unit; zero where there are none.
+    pub(crate) fn rms_misclosure(&self, beta: &[f64]) -> f64 {
+        let squares = self.mean_square_lengths(beta).into_iter().zip(self.model.in_one_unit());
+        let counted: Vec<f64> =
+            squares.filter_map(|(square, counts)| counts.then_some(square)).collect();
+        (counted.iter().sum::<f64>() / counted.len().max(1) as f64).sqrt()
+    }
 }
 
 /// Noise of the readings and of the closure.

@@ -7,8 +7,8 @@
 //! δ(t) = δ + √2 τ z + t (ρ + sd_ρ z'),    δ ~ N(0, C),    rms² = |J δ(t)|² / 3n        (147)
 //! ```
 //!
-//! with rate `ρ` and scatter `τ` of (127), parameter by parameter. What scatters from session to session is
-//! elsewhere now, as it was elsewhere then: twice its variance.
+//! with rate `ρ` and scatter `τ` of (127), parameter by parameter. The scatter from session to session counts
+//! twice: once for the last session, and once for the day of use.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -43,7 +43,8 @@ pub struct Forecast {
 
 /// The forecast of a device under its last result, at the poses of a table.
 ///
-/// `covariance` is that of the result's parameters, row by row; a parameter without a series stands still.
+/// `covariance` is that of the result's parameters, row by row; a parameter without a series stands still. None
+/// where there is no parameter, or no pose in which its effect is known.
 ///
 /// # Errors
 ///
@@ -55,13 +56,16 @@ pub fn forecast(
     series: &[Series],
     table: Table,
     target: f64,
-) -> Result<Forecast, Error> {
+) -> Result<Option<Forecast>, Error> {
     let n = last.parameters.len();
     if covariance.len() != n * n {
         let (what, found) = ("covariance".into(), covariance.len());
         return Err(Error::Shape { what, found, expected: n * n });
     }
-    let square = mean_square(&Under::new(mechanism, last, table)?)?;
+    if n == 0 {
+        return Ok(None);
+    }
+    let Some(square) = mean_square(&Under::new(mechanism, last, table)?)? else { return Ok(None) };
     let root = square_root(&DMatrix::from_row_slice(n, n, covariance));
     let course = |k: usize| {
         let own = &last.parameters[k];
@@ -92,20 +96,18 @@ pub fn forecast(
         };
         first_day(is_past)
     };
-    Ok(Forecast { target, now: now[DRAWS / 2], day: past(0.5), from_day: past(0.05) })
+    Ok(Some(Forecast { target, now: now[DRAWS / 2], day: past(0.5), from_day: past(0.05) }))
 }
 
-/// `JᵀJ / 3n`.
-fn mean_square(under: &Under) -> Result<DMatrix<f64>, Error> {
+/// `JᵀJ / 3n` over the poses that have a finite `J`; none where none has.
+fn mean_square(under: &Under) -> Result<Option<DMatrix<f64>>, Error> {
     let beta = under.internal(&under.values);
     let by_reported = under.by_reported(&beta);
     let all = platform_slopes(&under.model, &under.readings, &beta, &under.noise, 1)?;
-    let mut square = DMatrix::zeros(under.values.len(), under.values.len());
-    for slopes in &all {
-        let by = slopes.by_parameter.rows(0, 3) * &by_reported;
-        square += by.transpose() * &by;
-    }
-    Ok(square / (3.0 * all.len().max(1) as f64))
+    let by = all.iter().map(|slopes| slopes.by_parameter.rows(0, 3) * &by_reported);
+    let finite: Vec<DMatrix<f64>> = by.filter(|by| by.iter().all(|v| v.is_finite())).collect();
+    let squares = finite.iter().map(|by| by.transpose() * by);
+    Ok(squares.reduce(|sum, square| sum + square).map(|sum| sum / (3.0 * finite.len() as f64)))
 }
 
 /// The first day that is past, by halves; none where the last is not.
@@ -157,7 +159,9 @@ mod tests {
         let sum: f64 = (0..here.len()).map(apart).sum();
         let target = (sum / (3.0 * here.len() as f64)).sqrt();
         let of = |sd: f64, series: &[Series]| {
-            forecast(&rsi, &last(&rsi, offset), &[sd * sd], series, table.clone(), target)
+            let last = last(&rsi, offset);
+            let found = forecast(&rsi, &last, &[sd * sd], series, table.clone(), target)?;
+            Ok::<_, Error>(found.expect("a parameter"))
         };
         let found = of(0.0, &series)?;
         // A milliradian: what is not linear is a thousandth of it, a tenth of a day.
@@ -168,6 +172,8 @@ mod tests {
         assert!((open.now / (0.6745 * target) - 1.0).abs() < 0.08, "{open:?}");
         // |z| is above 1 in 32 of 100 draws: in one of twenty from the first day on, never in half.
         assert_eq!((open.from_day, open.day), (Some(0), None));
+        let nothing = Applied { parameters: Vec::new(), ..last(&rsi, offset) };
+        assert_eq!(forecast(&rsi, &nothing, &[], &[], table, target)?, None);
         Ok(())
     }
 }

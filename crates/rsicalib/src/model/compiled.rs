@@ -553,7 +553,8 @@ impl Model {
         }
     }
 
-    fn is_of_lengths(&self) -> bool {
+    /// True where any closure is of lengths.
+    pub(crate) fn is_of_lengths(&self) -> bool {
         self.closures.iter().any(|closure| !closure.is_of_coordinates())
     }
 

@@ -91,6 +91,7 @@ impl Near {
     /// The damped step, by Cholesky's factor; zero in lanes where nothing is to be had.
     fn step(&self, damping: Lanes, lengths: &[f64]) -> Vec<Lanes> {
         let n = self.xi.len();
+        debug_assert!(n > 0, "something is unknown in a pose");
         let (mut l, mut step) = (vec![Lanes::ZERO; n * n], vec![Lanes::ZERO; n]);
         dispatch(
             #[inline(always)]
@@ -173,5 +174,38 @@ impl Near {
             own.iter_mut().zip(other).for_each(|(own, other)| own.0[lane] = other.0[lane]);
         }
         self.cost[lane] = other.cost[lane];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector};
+
+    use super::*;
+    use crate::numerics::random::Random;
+
+    #[test]
+    fn a_step_is_that_of_the_normal_equations_in_every_lane() {
+        let (n, equations) = (3, 5);
+        let mut random = Random::new(8);
+        let mut lanes = |count: usize| -> Vec<Lanes> {
+            (0..count).map(|_| Lanes(std::array::from_fn(|_| random.uniform(-1.0, 1.0)))).collect()
+        };
+        let (xi, f, mut b) = (lanes(n), lanes(equations), lanes(equations * n));
+        // Nothing moves the equations of one lane.
+        b.iter_mut().for_each(|b| b.0[2] = 0.0);
+        let near = Near { xi, f, b, cost: [0.0; WIDTH] };
+        let (damping, lengths) = (1e-3, [1.0, 2.0, 0.5, 1.5, 3.0]);
+        let step = near.step(Lanes::splat(damping), &lengths);
+        for lane in (0..WIDTH).filter(|lane| *lane != 2) {
+            let b = DMatrix::from_fn(equations, n, |k, i| near.b[k * n + i].0[lane] * lengths[k]);
+            let f = DVector::from_fn(equations, |k, _| near.f[k].0[lane] * lengths[k]);
+            let mut square = b.transpose() * &b;
+            (0..n).for_each(|i| square[(i, i)] *= 1.0 + damping);
+            let expected = square.lu().solve(&(b.transpose() * -f)).expect("full rank");
+            // Condition of a random matrix of three columns: its square is below 1e6.
+            assert!((0..n).all(|i| (step[i].0[lane] - expected[i]).abs() < 1e-9), "{lane}");
+        }
+        assert!(step.iter().all(|step| step.0[2] == 0.0));
     }
 }

@@ -142,7 +142,8 @@ impl SomePoses {
 }
 
 /// How the loops close under a result in the rows of a table that are `counted`, root mean square over all closures
-/// [length unit]; none where something is unknown beside the terms, which these rows need not have touched.
+/// [length unit]; none where no row counts, where no closure is of lengths, and where something is unknown beside the
+/// terms, which these rows need not have touched.
 ///
 /// # Errors
 ///
@@ -159,13 +160,13 @@ pub fn rms_misclosure(
         let (what, found) = ("counted rows".into(), counted.len());
         return Err(Error::Shape { what, found, expected: readings.samples });
     }
-    if model.parameters > model.term_parameters || model.pose_unknowns() > 0 {
+    let unknown = model.parameters > model.term_parameters || model.pose_unknowns() > 0;
+    if unknown || !model.is_of_lengths() || !counted.contains(&true) {
         return Ok(None);
     }
     let weights: Vec<f64> = counted.iter().map(|counted| f64::from(*counted)).collect();
     let part = Part { model, readings, weights: Some(&weights) };
-    let squares = part.mean_square_lengths(&under.internal(&under.values));
-    Ok(Some((squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()))
+    Ok(Some(part.rms_misclosure(&under.internal(&under.values))))
 }
 
 /// Compares readings with a result whose parameters have this covariance, row by row. Samples that touch

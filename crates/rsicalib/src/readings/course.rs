@@ -492,19 +492,20 @@ impl Weights {
         Self { first, end: first, of: [[0.0; SPAN]; 3] }
     }
 
-    /// Adds a polynomial, given by what its `p` are and their derivatives.
+    /// Adds a polynomial, given by what its `p` are and their derivatives, of rows at these times.
     #[inline(always)]
     fn add(&mut self, time: &[f64], local: &Local, of: Sum<[f64; QUARTIC]>) {
         self.end = self.end.max(local.end);
         let (at, rows) = (local.first - self.first, local.end - local.first);
         let (mut t, mut before, mut p) = ([0.0; ROWS], [0.0; ROWS], [0.0; ROWS]);
-        t[..rows].copy_from_slice(&time[local.first..local.end]);
+        // From the origin on, as the polynomials are told: a clock may count since 1970.
+        zip(&mut t, &time[local.first..local.end]).for_each(|(t, time)| *t = time - local.origin);
         p[..rows].fill(1.0);
         for k in 0..local.told {
             if k > 0 {
-                let (origin, b) = (local.origin + local.a[k - 1], local.b[k - 1]);
+                let (a, b) = (local.a[k - 1], local.b[k - 1]);
                 for i in 0..ROWS {
-                    (before[i], p[i]) = (p[i], (t[i] - origin) * p[i] - b * before[i]);
+                    (before[i], p[i]) = (p[i], (t[i] - a) * p[i] - b * before[i]);
                 }
             }
             for (to, of) in zip(&mut self.of, &of) {

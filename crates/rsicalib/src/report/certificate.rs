@@ -153,8 +153,8 @@ fn unsized_steps(steps: &[StepReport], quantity: Quantity) -> Vec<usize> {
 /// are `bound` to its session.
 fn effects(steps: &[StepReport], bound: &[String], quantity: Quantity) -> Option<Known> {
     let size = |step: &StepReport| {
-        let StepReport { term, target, place, .. } = step.clone();
-        let spec = Spec { term, target: Some(target), place };
+        let (target, place) = (Some(step.target.clone()), step.place.clone());
+        let spec = Spec { term: step.term.clone(), target, place };
         let of_its_session = bound.contains(&spec.to_string());
         // Of three coordinates; and a drift is √3 times its root mean square at its end.
         let times = if of_its_session { 3.0 } else { 3.0_f64.sqrt() };

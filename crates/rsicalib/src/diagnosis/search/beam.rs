@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use crate::Error;
 use crate::diagnosis::averaged::Averaged;
-use crate::diagnosis::price::{Family, Said, charge, room};
+use crate::diagnosis::price::{Family, Said, by_price, charge, room};
 use crate::diagnosis::score::scan;
 use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data, one_place_each, paid};
 use crate::diagnosis::search::account::Account;
@@ -78,7 +78,7 @@ impl Beam<'_, '_> {
         let priced = |s: &Scored| self.with_score(account, s.score) + account.paid_with(s);
         let near = scored.into_iter().filter(|s| self.at_best(account, s) < limit);
         let mut order: Vec<(f64, Scored)> = near.map(|s| (priced(&s), s)).collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        order.sort_by(|a, b| by_price(a.0, b.0));
         let mut scored: Vec<Scored> = order.into_iter().map(|(_, s)| s).collect();
         // Neighbouring orders, and times, are one candidate.
         one_place_each(&mut scored, |i| !is_data(i));

@@ -21,6 +21,7 @@ mod yielding;
 use crate::Error;
 use crate::diagnosis::averaged::{Averaged, cost};
 use crate::diagnosis::plausibility::{Absurdity, absurdities};
+use crate::diagnosis::price::by_price;
 use crate::diagnosis::score::scored::is_data;
 use crate::diagnosis::search::account::Account;
 use crate::diagnosis::search::beam::{Beam, MOST_REFITS};
@@ -95,7 +96,7 @@ impl<'s, 'a> Beam<'s, 'a> {
     fn ranked_of(&self, some: impl Fn(&Account) -> bool) -> Vec<usize> {
         let of = |k: &usize| self.accounts[*k].admitted && some(&self.accounts[*k]);
         let mut ranked: Vec<usize> = (0..self.accounts.len()).filter(of).collect();
-        ranked.sort_by(|a, b| self.accounts[*a].price.total_cmp(&self.accounts[*b].price));
+        ranked.sort_by(|a, b| by_price(self.accounts[*a].price, self.accounts[*b].price));
         let limit = ranked.first().map_or(0.0, |best| self.accounts[*best].price + RIVAL);
         ranked.retain(|k| self.accounts[*k].price <= limit);
         ranked

@@ -1,5 +1,6 @@
 //! Explanations of a session that are nearly as good as the best.
 
+use crate::diagnosis::price::by_price;
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
@@ -28,7 +29,7 @@ pub struct Explanation {
 
 /// Those within [`RIVAL`] of the best, the best first, with their probabilities.
 pub(crate) fn nearest<T>(mut all: Vec<(Explanation, T)>) -> Vec<(Explanation, T)> {
-    all.sort_by(|(a, _), (b, _)| a.chi2.total_cmp(&b.chi2));
+    all.sort_by(|(a, _), (b, _)| by_price(a.chi2, b.chi2));
     let best = all.first().map_or(0.0, |(e, _)| e.chi2);
     all.retain(|(e, _)| e.chi2 <= best + RIVAL);
     all.truncate(MOST_RIVALS);

@@ -228,7 +228,7 @@ impl Basis {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use faer::Mat;
     use nalgebra::{DMatrix, DVector};
 
@@ -248,7 +248,7 @@ mod tests {
 
     /// Errors of one equation a sample, with one direction that a fit has absorbed, and all that they
     /// are of.
-    fn errors(n: usize) -> (Errors, DVector<f64>, DVector<f64>, DVector<f64>) {
+    pub(in super::super) fn errors(n: usize) -> (Errors, DVector<f64>, DVector<f64>, DVector<f64>) {
         let at = |p: usize, pace: f64| (pace * p as f64 + 0.3).sin();
         let a = DVector::from_fn(n, |p, _| 1.5 + at(p, 1.7));
         let q = DVector::from_fn(n, |p, _| 1.0 + 0.5 * at(p, 0.4)).normalize();
@@ -261,6 +261,23 @@ mod tests {
             apart: Vec::new(),
         };
         (errors, a, q, r)
+    }
+
+    #[test]
+    fn columns_by_themselves_are_those_of_a_basis() {
+        let (n, m) = (12, 3);
+        let (errors, ..) = errors(n);
+        let values: Vec<f64> = (0..n * m).map(|k| (0.7 * k as f64 + 0.2).cos()).collect();
+        let (square, gradient) =
+            errors.normal(&Basis { degrees: vec![1.0; m], values: values.clone() });
+        let column = |j: usize| values.iter().skip(j).step_by(m).copied().collect();
+        let columns: Vec<_> = (0..m).map(|j| errors.column(column(j))).collect();
+        for (i, a) in columns.iter().enumerate() {
+            // Sums of a dozen products of about ten.
+            assert!((a.along - gradient[i]).abs() < 1e-12);
+            let same = |(j, b)| (errors.entry(a, b) - square[(i, j)]).abs() < 1e-12;
+            assert!(columns.iter().enumerate().all(same));
+        }
     }
 
     #[test]

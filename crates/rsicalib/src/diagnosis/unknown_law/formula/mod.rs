@@ -135,7 +135,7 @@ struct Columns<'a> {
     named: &'a [Named],
     errors: &'a Errors,
     gain: f64,
-    /// Those of the sum that was asked for last: of the next, most are the same.
+    /// Columns of the last sum: the next sum shares most of them.
     last: RefCell<Vec<(Product, Column)>>,
 }
 
@@ -284,4 +284,31 @@ fn coordinates(at: &AtFit, channel: usize) -> Vec<Lanes> {
         ws.angles[channel]
     });
     blocks.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnosis::unknown_law::evidence::tests::errors;
+    use crate::diagnosis::unknown_law::formula::shapes::Shape;
+
+    #[test]
+    fn a_sum_falls_as_much_with_columns_that_are_kept() {
+        let n = 12;
+        let (errors, ..) = errors(n);
+        let values = (0..n).map(|p| (0.9 * p as f64 + 0.3).sin()).collect();
+        let named = [Named { moves: true, values, ..Named::default() }];
+        let columns =
+            Columns { named: &named, errors: &errors, gain: 0.5, last: RefCell::default() };
+        let wave = |order: f64| Product(vec![(0, Shape::Wave { order, phase: 0.3 })]);
+        for orders in [&[1.0, 2.0][..], &[1.0, 3.0], &[3.0, 1.7, 2.0], &[2.0], &[1.7, 3.0, 2.0]] {
+            let of: Vec<Product> = orders.iter().copied().map(wave).collect();
+            let (square, gradient, shows) = columns.of(&of);
+            let expected = fall(&shows, &square, &gradient).expect("they are unlike");
+            let found = columns.fall(&of).expect("they are unlike");
+            // Sums of a dozen products, and columns that are alike to some parts in a thousand.
+            assert!((found - expected).abs() < 1e-9 * expected, "{orders:?}");
+            assert_eq!(columns.fall(&[wave(1.0), wave(1.0)]), None);
+        }
+    }
 }
