@@ -6,7 +6,7 @@ use crate::estimate::significance::NORMAL_95;
 use crate::estimate::spread::{seats, spread};
 use crate::kinematics::elements::Way;
 use crate::model::{Model, Want, Workspace};
-use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
+use crate::numerics::lanes::{Lanes, WIDTH, dispatch, solve_lower, solve_transposed};
 use crate::terms::term::Scale;
 
 /// Largest number of repeats of (52).
@@ -429,12 +429,7 @@ impl Room {
                 self.l[i * n + j] = if i == j { s.sqrt() } else { s / self.l[j * n + j] };
             }
         }
-        for i in 0..n {
-            for m in 0..i {
-                self.w[i] = self.w[i] - self.l[i * n + m] * self.w[m];
-            }
-            self.w[i] = self.w[i] / self.l[i * n + i];
-        }
+        solve_lower(&self.l, &mut self.w);
     }
 
     /// What those before leave at least of the variance of an equation, (57).
@@ -450,13 +445,8 @@ impl Room {
     #[inline(always)]
     fn adjust(&mut self, raw: &[Lanes], a_hat: &mut [Lanes]) -> bool {
         let (n, c) = (self.w.len(), raw.len());
-        for i in (0..n).rev() {
-            let mut value = self.w[i];
-            for m in i + 1..n {
-                value -= self.l[m * n + i] * self.lambda[m];
-            }
-            self.lambda[i] = value / self.l[i * n + i];
-        }
+        self.lambda.copy_from_slice(&self.w);
+        solve_transposed(&self.l, &mut self.lambda);
         let mut moved = false;
         for i in 0..c {
             let mut e = Lanes::ZERO;

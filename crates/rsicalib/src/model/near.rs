@@ -2,7 +2,7 @@
 
 use crate::model::compiled::Model;
 use crate::model::workspace::{Want, Workspace};
-use crate::numerics::lanes::{Lanes, WIDTH, dispatch};
+use crate::numerics::lanes::{Lanes, WIDTH, dispatch, solve_lower, solve_transposed};
 use crate::readings::Readings;
 
 /// The one rule of rank for what is unknown in one pose: a direction that moves the equations less
@@ -123,20 +123,8 @@ impl Near {
                         l[i * n + j] = if i == j { left.sqrt() } else { left / l[j * n + j] };
                     }
                 }
-                for i in 0..n {
-                    for m in 0..i {
-                        let known = step[m];
-                        step[i] -= l[i * n + m] * known;
-                    }
-                    step[i] = step[i] / l[i * n + i];
-                }
-                for i in (0..n).rev() {
-                    for m in i + 1..n {
-                        let known = step[m];
-                        step[i] -= l[m * n + i] * known;
-                    }
-                    step[i] = step[i] / l[i * n + i];
-                }
+                solve_lower(&l, &mut step);
+                solve_transposed(&l, &mut step);
             },
         );
         // What is not positive definite has no root, or divides by zero.

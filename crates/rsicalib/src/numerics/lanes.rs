@@ -42,6 +42,32 @@ fn with_avx512<R>(kernel: impl FnOnce() -> R) -> R {
     kernel()
 }
 
+/// `w ← L⁻¹ w` in every lane, of a lower triangle row by row.
+#[inline(always)]
+pub(crate) fn solve_lower(l: &[Lanes], w: &mut [Lanes]) {
+    let n = w.len();
+    for i in 0..n {
+        for m in 0..i {
+            let known = w[m];
+            w[i] -= l[i * n + m] * known;
+        }
+        w[i] = w[i] / l[i * n + i];
+    }
+}
+
+/// `w ← L⁻ᵀ w`, likewise.
+#[inline(always)]
+pub(crate) fn solve_transposed(l: &[Lanes], w: &mut [Lanes]) {
+    let n = w.len();
+    for i in (0..n).rev() {
+        for m in i + 1..n {
+            let known = w[m];
+            w[i] -= l[m * n + i] * known;
+        }
+        w[i] = w[i] / l[i * n + i];
+    }
+}
+
 impl Lanes {
     /// Zero in every lane.
     pub const ZERO: Self = Self([0.0; WIDTH]);

@@ -153,11 +153,7 @@ impl Columns<'_> {
             let each = of.iter().zip(&self.errors.square);
             each.map(|(v, square)| (v / self.gain).powi(2) * square).sum()
         };
-        let shows = |j: &usize| {
-            let plain = plain(&each[*j]);
-            plain > 0.0 && square[(*j, *j)] > SMALL * plain
-        };
-        let shows = (0..m).filter(shows).collect();
+        let shows = (0..m).filter(|&j| shows(square[(j, j)], plain(&each[j]))).collect();
         (square, gradient, shows)
     }
 
@@ -179,11 +175,16 @@ impl Columns<'_> {
             if i <= j { self.errors.entry(&of[i].1, &of[j].1) } else { 0.0 }
         });
         let gradient = DVector::from_fn(m, |j, _| of[j].1.along);
-        let shows = (0..m).all(|j| square[(j, j)] > SMALL * of[j].1.plain);
+        let all_show = (0..m).all(|j| shows(square[(j, j)], of[j].1.plain));
         self.last.replace(of);
         let all: Vec<usize> = (0..m).collect();
-        shows.then(|| fall(&all, &square, &gradient))?
+        all_show.then(|| fall(&all, &square, &gradient))?
     }
+}
+
+/// True where a part of a column is left beside what is fitted that is no rounding of the whole.
+fn shows(left: f64, plain: f64) -> bool {
+    left > SMALL * plain
 }
 
 /// An id that no law of a mechanism has.
