@@ -7,10 +7,17 @@ import pytest
 
 import rsicalib
 from tests.full import sized
-from tests.machines.following import FINE, NAME, Truth, recording
+from tests.machines import following
+from tests.machines.following import FINE, NAME, Truth
 from tests.oracle import Array
 
 ELBOW = "follower_elbow_flex"
+SECONDS = sized(7.0, 15.0)
+"""Of a recording: 7 s are 200 rows, in which each joint goes to some four goals and rests there."""
+
+
+def recording(seed: int, truth: Truth, seconds: float = SECONDS) -> dict[str, Array]:
+    return following.recording(seed, truth, seconds)
 
 
 def lags(found: rsicalib.Trace) -> dict[str, tuple[float, float]]:
@@ -45,7 +52,7 @@ def test_a_delay_of_all_is_one_effect_of_its_size(seed: int, delay: float) -> No
 @pytest.mark.parametrize("seed", sized([710], [710, 711, 712]))
 def test_rows_whose_later_instant_was_not_recorded_are_no_effect(seed: int) -> None:
     """A recording that ends amid a motion: a line is off by percents, and the noise is 0.3."""
-    rows = recording(seed, Truth(delay=0.14))
+    rows = recording(seed, Truth(delay=0.14), 15.0)
     led = rows["leader_elbow_flex"]
     bend = np.abs(led[10:] + led[:-10] - 2 * led[5:-5])
     end = 300 + int(np.argmax(bend[295:])) + 1  # where the elbow's course bends most

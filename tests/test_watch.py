@@ -132,7 +132,7 @@ def test_a_large_step_in_correlated_noise_raises_one_alarm(device: int) -> None:
 def test_a_link_bent_across_its_plane_is_named_by_its_chain() -> None:
     device, found, rng = calibrated(12)
     work = Work(device, rng, change=Change("arm3", 0.05, since=2000, axis="forearm"))
-    alarms = Monitor(found).update(work.rows(12_000))
+    alarms = Monitor(found).update(work.rows(6_000))
     assert alarms
     assert 2000 <= alarms[0].row < 2100
     assert alarms[-1].target.split("/")[0] == "arm3"
@@ -203,7 +203,7 @@ def command(*words: str | Path) -> list[str]:
 def test_the_command_prints_a_line_for_each_alarm(step: dict[str, Any], tmp_path: Path) -> None:
     result = tmp_path / "result.json"
     step["calibration"].save(result)
-    path = csv(step["values"], tmp_path / "work.csv")
+    path = csv(step["values"][:6000], tmp_path / "work.csv")
     done = run_text("watch", path, "--calibration", result, "--json")
     assert done.returncode == 4, done.stderr
     *alarms, summary = [json.loads(line) for line in done.stdout.splitlines()]
@@ -211,7 +211,7 @@ def test_the_command_prints_a_line_for_each_alarm(step: dict[str, Any], tmp_path
     assert alarms[-1]["target"] == "a22"
     assert alarms[0]["since"] == pytest.approx(3000 / RATE_HZ, abs=0.05)
     assert summary["format"] == "rsicalib.watch/1"
-    assert summary["rows"] == 12_000
+    assert summary["rows"] == 6000
     with path.open("rb") as file:
         piped = subprocess.run(
             command("-", "--calibration", result, "--quiet"),
@@ -340,14 +340,13 @@ def test_a_watch_that_was_killed_goes_on_as_if_it_had_not(
 
 
 def test_a_watch_saved_amid_an_open_name_raises_the_same_alarms(step: dict[str, Any]) -> None:
-    values = step["values"][2500:5000]  # it slips at row 500 of these
-    for cut in (1, 499, 503, 600, 2000):
-        one, other = Monitor(step["calibration"]), Monitor(step["calibration"])
+    values = step["values"][2500:4000]  # it slips at row 500 of these
+    for cut in (1, 499, 503, 600, 1200):
+        one = Monitor(step["calibration"])
         one.update(values[:cut])
         again = pickle.loads(pickle.dumps(one))
-        other.update(values[:cut])
-        assert again.update(values[cut:]) == other.update(values[cut:])
-        assert again.summary() == other.summary()
+        assert again.update(values[cut:]) == one.update(values[cut:])
+        assert again.summary() == one.summary()
 
 
 def test_a_slip_is_one_alarm_in_the_table_of_changes() -> None:
@@ -381,7 +380,7 @@ def shared(step: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> di
         own = results / name.replace("/", "-")
         own.mkdir(parents=True)
         dataclasses.replace(step["calibration"], device=name).save(own / "result.json")
-    values = step["values"][2500:4500]
+    values = step["values"][2500:3700]
     alone = {"a/1": values, "ä": values[::-1], "other": values[:50]}
     rng = np.random.default_rng(0)
     order = rng.permutation([name for name, own in alone.items() for _ in own])
@@ -409,8 +408,8 @@ def test_devices_of_one_stream_are_watched_as_if_each_were_alone(
         ]
     assert len(found) == sum(a.device in ("a/1", "ä") for a in found)
     summary = watching.summary()
-    assert (summary.devices, summary.strange, summary.rows) == (2, 50, 4050)
-    assert summary.used == 4000 and "2 devices" in summary.text()
+    assert (summary.devices, summary.strange, summary.rows) == (2, 50, 2450)
+    assert summary.used == 2400 and "2 devices" in summary.text()
 
 
 def test_devices_go_on_from_their_files(shared: dict[str, Any], tmp_path: Path) -> None:
@@ -567,13 +566,15 @@ def test_a_sled_on_belts_is_watched(tmp_path: Path) -> None:
 
 def test_a_loose_bearing_that_has_its_name_raises_no_more_alarms() -> None:
     more = named = 0
-    for n in range(8):
+    devices = sized(4, 8)
+    for n in range(devices):
         found, values, _ = table.at_work("loose bearing", (5150, 0, n))
         alarms = rsicalib.Monitor(found, false_alarms=1e-5).update(values)
         first = next((a.row for a in alarms if a.term == "loose"), None)
         named += first is not None
         later = [a for a in alarms if first is not None and a.row > first and a.revises is None]
         more += len(later)
-    # 28,000 rows after a name raise .3 false alarms: more than 2 come in one run of 280. Directions
-    # that the noise of readings makes of a bent link raised one in every second device.
-    assert named >= 6 and more <= 2
+    # 28,000 rows after a name raise .3 false alarms: more than 2 come in one run of 280, and of half
+    # as many rows more than 1 in one run of 100. Directions that the noise of readings makes of a
+    # bent link raised one in every second device.
+    assert named >= 0.75 * devices and more <= sized(1, 2)

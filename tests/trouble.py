@@ -223,13 +223,18 @@ def drawn(kind: str, seed: Sequence[int]) -> person.Operator:
     return person.Operator(device, (), rng, trouble=KINDS[kind](rng, device))
 
 
-def session(operator: person.Operator, target: float = 0.003, most: int = 24) -> Told:
-    """A guided session in which the operator's trouble happens."""
+def session(
+    operator: person.Operator, target: float = 0.003, most: int = 24, to_the_end: bool = True
+) -> Told:
+    """A guided session in which the operator's trouble happens.
+
+    It goes on after what can be repeated was said, unless nobody asks what came `to_the_end`.
+    """
     trouble = operator.trouble
     assert trouble is not None
 
     def enough(state: person.State) -> bool:
-        return trouble.begins_again and any(
+        return (trouble.begins_again or not to_the_end) and any(
             trouble.said(told["text"]) for told in state["troubles"]
         )
 

@@ -17,17 +17,38 @@ Row = dict[str, Any]
 
 
 def frames(rows: Sequence[Row], angles: dict[str, Array], n: int) -> Array:
-    """The frame at the end of a chain, (n, 4, 4), for coordinates by channel, each (n,)."""
-    end = np.broadcast_to(np.eye(4), (n, 4, 4))
+    """The frame at the end of a chain, (n, 4, 4), for coordinates by channel, each (n,).
+
+    Axes and the place of the end, each (3, n), are moved one after the other: the products of
+    matrices that a row stands for, without the zeros and ones that they are full of.
+    """
+    x, y, z = (np.repeat(axis[:, None], n, axis=1) for axis in np.eye(3))
+    at = np.zeros((3, n))
     for row in rows:
         q = row.get("ratio", 1.0) * angles[row["channel"]] if "channel" in row else 0.0
         slides = row.get("joint") == "prismatic"
         theta = row.get("theta", 0.0) + (0.0 if slides else q)
-        d = row.get("d", 0.0) + (q if slides else 0.0)
-        end = end @ oracle.dh(theta, d, row.get("a", 0.0), row.get("alpha", 0.0))
-        if "beta" in row:
-            end = end @ oracle.roll_pitch_yaw(0.0, row["beta"], 0.0)
+        d, a = row.get("d", 0.0) + (q if slides else 0.0), row.get("a", 0.0)
+        x, y = turned(x, y, theta)
+        if np.any(d):
+            at = at + d * z
+        if np.any(a):
+            at = at + a * x
+        y, z = turned(y, z, row.get("alpha", 0.0))
+        z, x = turned(z, x, row.get("beta", 0.0))
+    end = np.zeros((n, 4, 4))
+    for k, column in enumerate((x, y, z, at)):
+        end[:, :3, k] = column.T
+    end[:, 3, 3] = 1.0
     return end
+
+
+def turned(one: Array, other: Array, by: Array | float) -> tuple[Array, Array]:
+    """Two axes, the first turned towards the second, and the second away from the first."""
+    if not np.any(by):
+        return one, other
+    cos, sin = np.cos(by), np.sin(by)
+    return cos * one + sin * other, cos * other - sin * one
 
 
 def tilted(row: Row, by: float) -> Row:
