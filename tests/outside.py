@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from multiprocessing import get_context
 from time import perf_counter
 from typing import Any
@@ -272,9 +272,22 @@ def names_of(entry: dict[str, Any]) -> set[str]:
     return {entry["variable"]} | set(entry.get("also") or ())
 
 
-def run(asked: tuple[str, str, int], seed: int) -> Told:
-    """One device."""
-    kind, family, number = asked
+@dataclass(frozen=True)
+class Traced:
+    """A device, what is known of its law, and what is said of it."""
+
+    case: trials.Case
+    variables: frozenset[str]
+    draws: Rng | None
+    mechanism: Mechanism
+    readings: Any
+    found: Any
+    seconds: float
+
+
+@lru_cache(maxsize=16)
+def traced(kind: str, family: str, number: int, seed: int) -> Traced:
+    """The trace of one device."""
     variables: frozenset[str] = frozenset()
     draws: Rng | None = None
     if kind == "outside":
@@ -286,12 +299,20 @@ def run(asked: tuple[str, str, int], seed: int) -> Told:
     readings = trials.readings_of(mechanism, case.session)
     begin = perf_counter()
     found = trace(readings, mechanism, without=without)
-    seconds = perf_counter() - begin
+    return Traced(case, variables, draws, mechanism, readings, found, perf_counter() - begin)
+
+
+def run(asked: tuple[str, str, int], seed: int, pastes: bool = True) -> Told:
+    """One device; a formula that is told is tried, unless nobody asks for what it brings."""
+    kind, family, number = asked
+    it = traced(kind, family, number, seed)
+    case, variables, draws, found = it.case, it.variables, deepcopy(it.draws), it.found
+    mechanism, readings = it.mechanism, it.readings
     result = found.to_dict()
     fits = (calibrate(readings, mechanism), found)
     errors = [error_of(case, mechanism, fit) for fit in fits]
     told = by_formula = more = 0.0
-    if draws is not None and (law := pasted(case, found)):
+    if pastes and draws is not None and (law := pasted(case, found)):
         error = error_of(case, *law)
         least, left = of_truth(case, mechanism, draws)
         told = error / max(least, 1e-12)
@@ -318,7 +339,7 @@ def run(asked: tuple[str, str, int], seed: int) -> Told:
         place=bool(own) and all(own),
         before=errors[0],
         after=errors[1],
-        seconds=seconds,
+        seconds=it.seconds,
         told=told,
         by_formula=by_formula,
         more=more,

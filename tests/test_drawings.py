@@ -7,6 +7,7 @@ import pytest
 
 import rsicalib
 from tests import drawings
+from tests.full import sized
 from tests.oracle import Array
 
 SIZES = {"offset": drawings.OFFSET, "point_position": drawings.TOOL}
@@ -81,7 +82,7 @@ def test_arms_that_are_more_wrong_than_is_typical_are_calibrated_as_before() -> 
 
 
 def test_predictions_elsewhere_are_no_worse_and_hold() -> None:
-    counts = drawings.counted(4, 0.1, seed=5)
+    counts = drawings.counted(sized(2, 4), 0.1, seed=5)
     others, held = np.array(counts.others), np.array(counts.held)
     assert np.median(others[:, 0] / others[:, 1]) < 1.0
     assert held[:, 0].mean() > 0.8

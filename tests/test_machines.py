@@ -202,7 +202,7 @@ def hanging_of(name: str) -> tuple[Hanging, Array]:
     right = machine.values | dict.fromkeys(machine.fitted, 0.0)
     down = np.array(machine.mechanism["gravity"])
     hanging = Hanging(chains, drives, down, closed)
-    return hanging, shut(hanging, machine.closed(right))
+    return hanging, shut(hanging, machine.closed(right)[:: sized(4, 1)])
 
 
 def shut(hanging: Hanging, q: Array, stands: Array | None = None) -> Array:
@@ -224,9 +224,9 @@ THERE: tuple[str, ...] = ("delta", "fivebar", "legs", "redundant", "warm_legs")
 
 @pytest.mark.parametrize("name", THERE)
 def test_clean_machines_are_adequate_and_effects_are_among_the_named(name: str) -> None:
-    """The small form of `python -m tests.machines`: one of each may go wrong by chance."""
-    cases = sized(2, 6)
+    """The small form of `python -m tests.machines`: one of six may go wrong by chance."""
+    cases, right = sized((1, 1), (6, 5))
     clean = [run(name, "clean", k, SEED) for k in range(cases)]
-    assert sum(r.get("verdict") == "adequate" for r in clean) >= cases - 1, clean
+    assert sum(r.get("verdict") == "adequate" for r in clean) >= right, clean
     spoiled = [run(name, "effect", k, SEED) for k in range(cases)]
-    assert sum(bool(r.get("among")) for r in spoiled) >= cases - 1, spoiled
+    assert sum(bool(r.get("among")) for r in spoiled) >= right, spoiled
