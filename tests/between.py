@@ -19,7 +19,7 @@ import numpy as np
 
 import rsicalib
 from tests import cone
-from tests.oracle import Array
+from tests.oracle import Array, crossed
 
 POSES = 30
 PLAY = 0.05
@@ -53,7 +53,7 @@ def moving(
         row[:, 2], row[:, 3] = [0, sa, ca, d], [0, 0, 0, 1]
         frames = frames @ row
     places = (frames @ np.append(ball, 1.0))[:, :3]
-    turns = [np.cross(z, places - o) for z, o in zip(axes, origins, strict=True)]
+    turns = [crossed(z, places - o) for z, o in zip(axes, origins, strict=True)]
     return places, np.stack(turns, axis=2)
 
 
@@ -70,6 +70,8 @@ def touching(q: Array, places: Array, ball: Array) -> Array:
         pulled = np.linalg.solve(across, (at - places)[..., None])
         off = (slopes.transpose(0, 2, 1) @ pulled)[..., 0]
         q = q - off * np.minimum(1.0, 0.3 / np.abs(off).max(axis=1, keepdims=True).clip(1e-300))
+        if np.abs(off).max() < 1e-12:
+            break
     return q
 
 

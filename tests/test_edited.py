@@ -20,7 +20,7 @@ from tests.full import sized
 def test_an_edited_result_is_refused_or_told_or_gives_the_poses_that_it_gave(
     tmp_path: Path,
 ) -> None:
-    counts, faults = run(sized(150, 1200), 1, tmp_path)
+    counts, faults = run(sized(100, 1200), 1, tmp_path)
     assert faults == []
     assert min(counts["refused"], counts["told"], counts["as good"]) > sized(2, 20)
 

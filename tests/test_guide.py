@@ -46,7 +46,7 @@ TARGET = 0.004
 def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[person.Session, Any, Path]:
     """A whole session of a device with the curve of a sensor that nobody declared."""
     folder = tmp_path_factory.mktemp("guide") / "session"
-    operator = person.drawn(3, "curvature", "a22")
+    operator = person.drawn(sized(21, 3), "curvature", "a22")  # 10 poses, or 14
     taken, result = person.guided(operator, folder, TARGET)
     return taken, result, folder
 
@@ -209,7 +209,13 @@ def test_a_lost_channel_and_the_end_of_a_range_are_said(tmp_path: Path) -> None:
 
 
 # Wires that come off before pose 4, and in full before pose 8, where the handle stands still.
-WRONG = [("dead_zone", 1), ("exchanged", 1), ("reversed", 1), ("lost", 4), *sized([], [("lost", 1)])]
+WRONG = [
+    ("dead_zone", 1),
+    ("exchanged", 1),
+    ("reversed", 1),
+    ("lost", 4),
+    *sized([], [("lost", 1)]),
+]
 
 
 @pytest.mark.parametrize(("kind", "number"), WRONG)

@@ -23,7 +23,7 @@ ROWS = 9000
 @cache
 def recording(kind: str) -> tuple[long.Recording, Any]:
     """A recording that several tests look at, and its trace."""
-    it = long.make(kind, ROWS, seed=sized(6, 5))
+    it = long.make(kind, ROWS, seed=5)
     return it, traced(it)
 
 

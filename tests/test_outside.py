@@ -93,7 +93,7 @@ def test_two_channels_of_an_arm_are_an_arm_at_fault() -> None:
 
 
 def test_channels_of_two_arms_are_not_one_fault() -> None:
-    result = examined(2, Lawless("a12", SIZE, seed=1), Lawless("a31", SIZE, seed=2))
+    result = examined(12, Lawless("a12", SIZE, seed=1), Lawless("a31", SIZE, seed=2))
     assert "alone explain" not in result["unexplained"]["text"]
 
 

@@ -15,6 +15,7 @@ from rsicalib import InputError, _core
 from rsicalib.fleets.page import page
 from rsicalib.fleets.population import ShareJob, first_line
 from scripts import make_formats
+from tests.full import sized
 from tests.oracle import Array
 from tests.population.__main__ import mechanism
 from tests.population.production import MIDDLE, TOLERANCES, Production, frame, readings
@@ -150,7 +151,7 @@ def test_a_device_unlike_the_others_is_left_out_and_keeps_its_own() -> None:
 
 
 def test_information_is_of_the_readings_however_tightly_something_is_expected() -> None:
-    partition, _ = frame(Production(), 6, 17)
+    partition, _ = frame(Production(), sized(2, 6), 17)
     for part in (1.0, 0.1, 0.01):
         parameters = [(term, None, None, 0.0, part * sd) for term, sd in TOLERANCES.items()]
         expected = {"centre": [MIDDLE] * 9, "parameters": parameters}

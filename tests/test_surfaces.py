@@ -13,7 +13,7 @@ from tests.machines import files, surfaces
 from tests.machines.arm import JOINTS
 from tests.machines.surfaces import Said
 
-TRIALS = sized(3, 6)
+TRIALS = sized(2, 6)
 
 
 def of(kind: str, sure: bool, folder: Path) -> list[Said]:

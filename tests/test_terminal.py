@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 from argparse import Namespace
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,12 @@ from rsicalib.cli.streams import folded
 READINGS, REST, CHECK = (str(DEMO / f"{name}.csv") for name in ("readings", "rest", "check"))
 
 
+@cache
+def demo() -> rsicalib.Trace:
+    """The demo, traced once."""
+    return rsicalib.demo()
+
+
 class Terminal(io.StringIO):
     def isatty(self) -> bool:
         return True
@@ -35,7 +42,7 @@ class Terminal(io.StringIO):
 def test_the_story_is_told_in_25_lines_with_the_misclosure_in_it() -> None:
     whole = rsicalib.load_readings(READINGS)
     found = [
-        rsicalib.demo(),
+        demo(),
         rsicalib.calibrate(READINGS, rest=REST, check=CHECK, align=True),
         rsicalib.calibrate(READINGS),
         rsicalib.trace(whole.select(whole.sample == 1)),
@@ -53,7 +60,7 @@ def test_the_story_is_told_in_25_lines_with_the_misclosure_in_it() -> None:
 
 @pytest.mark.parametrize("width", [60, 80, 97, 140])
 def test_text_follows_the_width_of_the_terminal_without_a_broken_word(width: int) -> None:
-    found = rsicalib.demo()
+    found = demo()
     wide = set(re.split(r"\s+", found.summary(whole=True)))
     for text in (found.summary(width=width), found.summary(width=width, whole=True)):
         # As wide as it can be, less the longest word.
@@ -68,7 +75,7 @@ def test_a_narrow_terminal_is_told_what_a_wide_one_is(width: int) -> None:
     """Rows of check poses were "5 more lines in the report", sentences ended within."""
     whole = rsicalib.load_readings(READINGS)
     some = whole.select((whole.pose < 25) & (whole.sample < 4))
-    for found in (rsicalib.demo(), rsicalib.trace(some, rest=REST)):
+    for found in (demo(), rsicalib.trace(some, rest=REST)):
         told = found.summary(width=width)
         assert {*found.summary(width=100).split()} <= {*told.split()}
         assert not re.search(r"\bp [=<]?$|χ²$|±$", told, flags=re.M)
@@ -115,7 +122,7 @@ def test_a_pipe_is_never_cut(capsys: pytest.CaptureFixture[str]) -> None:
         main(["demo"])
     said = capsys.readouterr().out
     assert not re.search(r"\d+ more|…", said)
-    result = rsicalib.demo()
+    result = demo()
     for p in result.parameters:
         assert p.target in said and p.name in said
     assert "check poses [in]" in said and "held-out" in said
@@ -242,7 +249,7 @@ def test_a_watch_of_a_file_says_how_many_rows_it_has_read_and_leaves_no_line(
 ) -> None:
     from rsicalib.cli import main
 
-    rsicalib.demo().save(tmp_path / "result.json")
+    demo().save(tmp_path / "result.json")
     stream = Terminal()
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
@@ -276,7 +283,7 @@ def test_colours_are_for_terminals_and_for_those_who_want_them(
 
 
 def test_a_coloured_summary_is_the_same_text() -> None:
-    text = rsicalib.demo().summary()
+    text = demo().summary()
     painted = colours.painted(text, True)
     assert painted != text
     assert re.sub(r"\x1b\[\d+m", "", painted) == text

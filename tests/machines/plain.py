@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from tests import oracle
 from tests.oracle import Array
 
 Row = dict[str, Any]
