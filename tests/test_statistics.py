@@ -76,13 +76,13 @@ def test_rounding_that_is_the_same_in_all_samples_does_not_average_out(sigma: fl
     exact = rng.uniform(0.0, 1.0, 20_000)
     codes = np.rint(exact[:, None] + sigma * rng.standard_normal((20_000, 8)))
     expected = np.std(codes.mean(axis=1) - exact) / np.sqrt((sigma**2 + 1 / 12) / 8)
-    found = bench.honesty(Cell(24, 8, sigma), 60)
+    found = bench.honesty(Cell(24, 8, sigma), sized(40, 60))
     assert abs(found.coverage - 0.95) < SURE * found.coverage_error
     assert found.width == pytest.approx(expected, rel=0.05)  # the share of rounding is an estimate
 
 
 def test_a_noisy_channel_is_told_from_the_others() -> None:
-    found = bench.honesty(Cell(24, 8, 1.0, louder=4.0), 60)
+    found = bench.honesty(Cell(24, 8, 1.0, louder=4.0), sized(40, 60))
     assert found.apart == 1.0
     assert abs(found.coverage - 0.95) < SURE * found.coverage_error
     # Each of its two variances is known to 10 %: as good as known.
@@ -115,7 +115,7 @@ def test_one_bad_sample_is_no_noisy_channel() -> None:
 
 
 def test_correlated_samples_are_counted_as_fewer() -> None:
-    found = bench.honesty(Cell(24, 8, 1.0, correlation=0.6), sized(50, 100))
+    found = bench.honesty(Cell(24, 8, 1.0, correlation=0.6), sized(30, 100))
     assert found.coverage > 0.93 - SURE * found.coverage_error
     assert found.uniform > 1e-4
     # The mean of 8 such samples varies 1.7 times as much as that of independent ones.
@@ -123,7 +123,7 @@ def test_correlated_samples_are_counted_as_fewer() -> None:
 
 
 def test_correlation_that_two_samples_cannot_show_widens_by_the_lack_of_fit() -> None:
-    found = bench.honesty(Cell(48, 2, 1.0, correlation=0.6), sized(50, 100))
+    found = bench.honesty(Cell(48, 2, 1.0, correlation=0.6), sized(30, 100))
     assert found.coverage > 0.93 - SURE * found.coverage_error
     # The mean of two such samples varies (1 + 0.6) times as much as that of independent ones.
     assert found.width == pytest.approx(np.sqrt(1.6), rel=0.05)
@@ -162,7 +162,7 @@ def test_plain_least_squares_misplaces_the_handle_of_a_simulated_device() -> Non
 @pytest.mark.parametrize("which", ["hand", "III", "both"])
 def test_wrong_nominal_gains_lead_to_the_same_fit(which: str) -> None:
     # Demanded is 99.9 %: of 100, none may fail but by bad luck of 1 in 10.
-    rows = bench.inline(partial(bench.one_start, which, 1), sized(50, 100))
+    rows = bench.inline(partial(bench.one_start, which, 1), sized(30, 100))
     assert all(row.arrived for row in rows)
 
 

@@ -574,7 +574,7 @@ def test_a_loose_bearing_that_has_its_name_raises_no_more_alarms() -> None:
         named += first is not None
         later = [a for a in alarms if first is not None and a.row > first and a.revises is None]
         more += len(later)
-    # 28,000 rows after a name raise .3 false alarms: more than 2 come in one run of 280, and of half
-    # as many rows more than 1 in one run of 100. Directions that the noise of readings makes of a
-    # bent link raised one in every second device.
+    # 28,000 rows after a name raise .3 false alarms: more than 2 come in one run of 280, and of
+    # half as many rows more than 1 in one run of 100. Directions that the noise of readings makes
+    # of a bent link raised one in every second device.
     assert named >= 0.75 * devices and more <= sized(1, 2)
