@@ -107,6 +107,7 @@ def measure(shop: Workshop, case: Case) -> Row:
     readings = shop.readings(case)
     fitted = list(case.fitted)
     chi2: dict[str, float] = {}
+    out: dict[str, set[tuple[int | None, int | None]]] = {}
     for name, turned, loaded in (
         ("typical sizes", False, False),
         ("geometry", False, False),
@@ -137,6 +138,7 @@ def measure(shop: Workshop, case: Case) -> Row:
             row.figures["negative"] = ", ".join(filter(None, signs)) or "–"
         if found.fit.chi2 is not None:
             chi2[name] = found.fit.chi2
+            out[name] = {(left.pose, left.sample) for left in found.excluded}
         if name == "geometry" and found.fit.p_value is not None:
             p_value = found.fit.p_value
             row.figures["chi2"] = f"{found.fit.chi2:.0f} / {found.fit.dof:.0f}"
@@ -146,8 +148,11 @@ def measure(shop: Workshop, case: Case) -> Row:
         halves = everything.between.halves
         row.figures["halves"] = f"{halves.chi2_within:.2f} / {halves.chi2_between:.2f}"
     if len(chi2) == 3:
-        falls = [chi2["geometry"] - chi2[name] for name in ("compliance", "control")]
-        row.figures["falls"] = " / ".join(f"{fall:.0f}" for fall in falls)
+        falls = [
+            f"{chi2['geometry'] - chi2[name]:.0f}" if out[name] == out["geometry"] else "–"
+            for name in ("compliance", "control")
+        ]
+        row.figures["falls"] = " / ".join(falls)
     trace(shop, row, readings)
     return row
 
@@ -253,7 +258,7 @@ that repeats sockets it has not seen is the better one; how far it is off in the
   *geometry*, and all columns after it, estimates how large the errors of this drawing are, (153) of
   [the model](model.md).
 - *Control* is `+ compliance` with gravity along y: as many parameters, with no physics. A gain that
-  it has too is not from weight.
+  it has too is not from weight. χ² falls are told where both leave out the same samples.
 - *Traced* is `rsicalib.trace(…)` from the geometry, of the fitted groups; nobody tells it of
   compliance. The next columns are its verdict and how many samples it left out, on the fitted
   groups and on all of them.

@@ -13,7 +13,8 @@
 //! Samples of a held pose read one seating: their mean is the sample then.
 //!
 //! `s²` is from the median over all samples, and over all runs, which damage hardly
-//! moves: what a model lacks makes neighbouring rows alike in every run.
+//! moves: what a model lacks makes neighbouring rows alike in every run. A run that scatters more than
+//! that by itself, as where an arm differs from placement to placement, has an `s²` of its own.
 
 use crate::Error;
 use crate::estimate::at_fit::AtFit;
@@ -131,8 +132,10 @@ struct Looking<'a> {
     runs: Vec<Vec<usize>>,
     /// (82) of every row; zero of those not in use.
     single: Vec<f64>,
-    /// `s²` of single samples.
+    /// `s²` of all samples.
     typical: f64,
+    /// `s²` of every row: that of its run, where that is more.
+    usual: Vec<f64>,
 }
 
 /// A move that was found: of which run, from which of its rows on.
@@ -162,15 +165,22 @@ impl<'a> Looking<'a> {
             single: vec![0.0; readings.samples],
             runs,
             typical: 0.0,
+            usual: vec![0.0; readings.samples],
         };
         for row in looking.runs.concat() {
             looking.single[row] = looking.single_sample(row);
         }
-        let usual = |row: usize| {
+        let scale = |row: usize| {
             let told = looking.at.residuals.directions_of(row).max(1);
             looking.single[row] / distributions::chi2_quantile(0.5, told as f64)
         };
-        looking.typical = median(looking.runs.concat().into_iter().map(usual).collect());
+        let of = |rows: &[usize]| median(rows.iter().copied().map(scale).collect());
+        let typical = of(&looking.runs.concat());
+        let own: Vec<f64> = looking.runs.iter().map(|rows| of(rows).max(typical)).collect();
+        for (rows, own) in looking.runs.iter().zip(own) {
+            rows.iter().for_each(|&row| looking.usual[row] = own);
+        }
+        looking.typical = typical;
         looking
     }
 
@@ -184,7 +194,7 @@ impl<'a> Looking<'a> {
                 // So does a placement with a sample that stands off its own siblings.
                 let own = single.filter(|(row, _)| self.placements[*row] == placement.0);
                 return Some(match own {
-                    Some((row, score)) if self.stands_off(row, score) => self.one_row(row),
+                    Some((row, _)) if self.stands_off(row) => self.one_row(row),
                     _ => self.whole_placement(placement),
                 });
             }
@@ -210,25 +220,25 @@ impl<'a> Looking<'a> {
         scored.map_or(0.0, |(score, _)| score)
     }
 
-    /// The row that stands off most, if above chance.
+    /// The row that stands off most, if above chance, and (82) in units of what is usual there.
     fn worst_single(&self) -> Option<(usize, f64)> {
         let rows = self.runs.concat();
-        let row = *rows.iter().max_by(|a, b| self.single[**a].total_cmp(&self.single[**b]))?;
-        let score = self.single[row] / self.typical;
+        let score = |row: usize| self.single[row] / self.usual[row];
+        let row = *rows.iter().max_by(|a, b| score(**a).total_cmp(&score(**b)))?;
         let k = self.at.residuals.directions_of(row).max(1) as f64;
         // The scale is an estimate from as many samples: F, not χ².
         let dof = (k * rows.len() as f64 - self.at.fit.model.term_parameters as f64).max(k);
-        let p = distributions::f_tail(score / k, k, dof) * rows.len() as f64;
-        (p <= 0.5 * ALPHA).then_some((row, score))
+        let p = distributions::f_tail(score(row) / k, k, dof) * rows.len() as f64;
+        (p <= 0.5 * ALPHA).then_some((row, score(row)))
     }
 
     /// True where a sample stands off the others of its placement as a placement must stand off
     /// its siblings.
-    fn stands_off(&self, row: usize, score: f64) -> bool {
+    fn stands_off(&self, row: usize) -> bool {
         let own = |r: &usize| *r != row && self.placements[*r] == self.placements[row];
         let rows: Vec<usize> = self.runs.concat().into_iter().filter(own).collect();
-        let usual = median(rows.iter().map(|&r| self.single[r]).collect()) / self.typical;
-        rows.len() >= 2 * SIDE && score > STRANGE * STRANGE * usual
+        let usual = median(rows.iter().map(|&r| self.single[r]).collect());
+        rows.len() >= 2 * SIDE && self.single[row] > STRANGE * STRANGE * usual
     }
 
     /// The placement whose samples typically stand off most, and how many times more.
@@ -261,9 +271,16 @@ impl<'a> Looking<'a> {
         let each = times / best.len() as f64;
         let expected = distributions::chi2_quantile(0.5 / (1.0 + 0.5 * each), 3.0);
         let scale = (median(best.iter().map(|m| m.score).collect()) / expected).max(1.0);
-        let worst = best.into_iter().max_by(|a, b| a.score.total_cmp(&b.score))?;
+        let whole = |rows: &Vec<usize>| self.spread([rows, &[]]);
+        let usual = median(self.runs.iter().map(whole).collect());
+        let beside_its_run = |m: Displacement| {
+            let left = self.spread(self.runs[m.run].split_at(m.at).into()) / usual;
+            (left <= HEALED * HEALED).then(|| Displacement { score: m.score / left.max(1.0), ..m })
+        };
+        let healed = best.into_iter().filter_map(beside_its_run);
+        let worst = healed.max_by(|a, b| a.score.total_cmp(&b.score))?;
         let p = distributions::chi2_tail(worst.score / scale, 3.0) * 2.0 * times;
-        (p <= 0.5 * ALPHA && self.heals(&worst)).then_some(worst)
+        (p <= 0.5 * ALPHA).then_some(worst)
     }
 
     /// Eq. (83): the best move of a run, of its point or of the tool, beside what is off in the whole run: arms
@@ -324,10 +341,10 @@ impl<'a> Looking<'a> {
         points.chain(tools.map(|(_, f)| (true, [*f, f + 1, f + 2]))).collect()
     }
 
-    /// True where both sides of a move, each about its own mean, are as usual.
-    fn heals(&self, m: &Displacement) -> bool {
+    /// What rows scatter, squared, each side of a move about its own mean: the median.
+    fn spread(&self, sides: [&[usize]; 2]) -> f64 {
         let k = self.at.residuals.equations;
-        let spread = |rows: &[usize]| -> Vec<f64> {
+        let about_its_mean = |rows: &[usize]| -> Vec<f64> {
             let mean = |e: usize| {
                 rows.iter().map(|&r| self.whitened(r)[e]).sum::<f64>() / rows.len() as f64
             };
@@ -337,10 +354,7 @@ impl<'a> Looking<'a> {
             };
             rows.iter().map(off).collect()
         };
-        let (before, after) = self.runs[m.run].split_at(m.at);
-        let here = median([spread(before), spread(after)].concat()).sqrt();
-        let usual = |rows: &Vec<usize>| median(spread(rows)).sqrt();
-        here <= HEALED * median(self.runs.iter().map(usual).collect())
+        median(sides.into_iter().flat_map(about_its_mean).collect())
     }
 
     fn whole_placement(&self, (placement, times): (usize, f64)) -> (Excluded, Vec<usize>) {
@@ -363,7 +377,7 @@ impl<'a> Looking<'a> {
 
     fn one_row(&self, row: usize) -> (Excluded, Vec<usize>) {
         let off = self.at.misclosure(row);
-        let sigmas = (self.single[row] / self.typical).sqrt();
+        let sigmas = (self.single[row] / self.usual[row]).sqrt();
         let cause = Cause::Sample { number: self.place(row), off, sigmas };
         let pose = Some(self.at.observations.readings.pose[row]);
         let row_of_pose = self.at.observations.readings.held.then_some(row);
