@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import rsicalib
-from rsicalib import Trace
-from rsicalib.guide.advice import Adviser, needed_poses
+from rsicalib import Trace, _core
+from rsicalib.guide.advice import Adviser
 from rsicalib.guide.log import FITTED, Columns, Log, Sample
 from rsicalib.guide.session import Session, Settings
 from tests import oracle
@@ -213,7 +213,7 @@ def guided(
         codes = person.trouble.codes(codes, 0)
     rest = rsicalib.Readings.from_arrays(mechanism, codes)
     names = oracle.channel_names(oracle.rsi())
-    log = Log(folder, names, False, fitted=needed_poses(mechanism) or FITTED)
+    log = Log(folder, names, False, fitted=_core.needed_poses(mechanism) or FITTED)
     session = Session(mechanism, Adviser(mechanism, rest), log, Settings(target, **settings))
     columns = Columns(names)
 

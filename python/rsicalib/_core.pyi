@@ -461,6 +461,13 @@ def further(
     platform's standard deviation, as few poses as reach it, and `standing`: how they stand to it.
     """
 
+def guided_done(progress: Mapping[str, object]) -> bool:
+    """Whether a guided session is done.
+
+    `progress` has the fields of `Progress` of the core: `poses`, `most`, `beyond`, `repeat`, `open`, `deciding`, `gain`,
+    `usable`, `p_value`, `unmended`, `checked`, `alone`.
+    """
+
 def history(
     mechanism: Mechanism,
     results: Sequence[tuple[float, Sequence[Estimate], Sequence[Spec]]],
@@ -542,6 +549,9 @@ def misclosure(
     closures: Sequence[str] | None = None,
 ) -> Array:
     """Misclosure `f` of readings of shape (n, channels), eq. (10): shape (n, equations)."""
+
+def needed_poses(mechanism: Mechanism) -> int | None:
+    """Poses from which on a trace is possible; None where that depends on what is touched."""
 
 def observability(
     mechanism: Mechanism,
@@ -703,6 +713,9 @@ def suspects(
 
 def terms(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Every term there is, with its targets in a mechanism."""
+
+def traceable(mechanism: Mechanism, poses: int, touched: int) -> bool:
+    """Whether poses that touch so many unknown places are enough for a trace."""
 
 def unit_of_key(mechanism: Mechanism, key: str) -> str | None:
     """The unit of a parameter that a column is called after, as `gain@a11`; None where it has none, or

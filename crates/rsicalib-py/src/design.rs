@@ -3,11 +3,12 @@
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use pythonize::pythonize;
+use pythonize::{depythonize, pythonize};
 use rsicalib::Error;
 use rsicalib::design::exchange::Criterion;
 use rsicalib::design::further as planning_further;
 use rsicalib::design::further::{Explained, FurtherOptions};
+use rsicalib::design::guided::{self, Progress};
 use rsicalib::design::identifiability::{self, Counting, Identifiable};
 use rsicalib::design::information;
 use rsicalib::design::plan as planning;
@@ -115,6 +116,28 @@ pub fn bound_at<'py>(
 #[pyo3(signature = (mechanism, within=None))]
 pub fn workspace(mechanism: &PyMechanism, within: Option<Within>) -> Result<Within, PyError> {
     Ok(planning::workspace(&mechanism.0, within)?)
+}
+
+/// Whether poses that touch so many unknown places are enough for a trace.
+#[pyfunction]
+pub fn traceable(mechanism: &PyMechanism, poses: usize, touched: usize) -> bool {
+    guided::traceable(&mechanism.0, poses, touched)
+}
+
+/// Poses from which on a trace is possible; None where that depends on what is touched.
+#[pyfunction]
+pub fn needed_poses(mechanism: &PyMechanism) -> Option<usize> {
+    guided::needed_poses(&mechanism.0)
+}
+
+/// Whether a guided session is done.
+///
+/// `progress` has the fields of `Progress` of the core: `poses`, `most`, `beyond`, `repeat`, `open`, `deciding`, `gain`,
+/// `usable`, `p_value`, `unmended`, `checked`, `alone`.
+#[pyfunction]
+pub fn guided_done(progress: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let progress: Progress = depythonize(progress)?;
+    Ok(progress.done())
 }
 
 /// An explanation: effects such as `curvature@a22`, penalised χ², probability.

@@ -73,6 +73,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(design::further, module)?)?;
     module.add_function(wrap_pyfunction!(design::bound_at, module)?)?;
     module.add_function(wrap_pyfunction!(design::workspace, module)?)?;
+    module.add_function(wrap_pyfunction!(design::traceable, module)?)?;
+    module.add_function(wrap_pyfunction!(design::needed_poses, module)?)?;
+    module.add_function(wrap_pyfunction!(design::guided_done, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::rsi_angles, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::rsi_poses, module)?)?;
     module.add_function(wrap_pyfunction!(apply::declared, module)?)?;

@@ -25,7 +25,7 @@ from rsicalib.verbs.certifying import certify
 from rsicalib.verbs.tracing import trace
 from rsicalib.work.applying import as_applied, as_table
 
-__all__ = ["Advice", "Adviser", "Explained", "Repeat", "explained_id", "needed_poses"]
+__all__ = ["Advice", "Adviser", "Explained", "Repeat", "explained_id", "usable"]
 
 WAY = 0.1
 """Weight of the way to the next pose, beside ln(variance after / variance before)."""
@@ -35,8 +35,6 @@ GAIN_SD = 0.05
 """What is known of a gain, as a fraction of it."""
 REST_SD = 0.1
 """What is known of where the rest pose holds the platform, as a fraction of its longest side."""
-SPARE = 6
-"""Equations beyond the parameters, from which on a session is traced."""
 
 
 @dataclass(frozen=True)
@@ -197,14 +195,10 @@ class Adviser:
         except RsicalibError:
             return None
 
-    def _spare(self, fitted: Mapping[int, Sequence[Sample]]) -> int:
-        """Equations beyond the parameters: of the sensors, and of what is touched."""
-        touched = {samples[0].keys for samples in fitted.values()} - {()}
-        sensors = 2 * len(self.mechanism.channels)
-        return len(fitted) * self.mechanism.equations - sensors - 3 * len(touched)
-
     def _traced(self, readings: Readings | None, taken: Taken) -> Trace | None:
-        if readings is None or self._spare(taken.fitted) < SPARE:
+        touched = {samples[0].keys for samples in taken.fitted.values()} - {()}
+        enough = _core.traceable(self.mechanism, len(taken.fitted), len(touched))
+        if readings is None or not enough:
             return None
         try:
             return trace(readings, self.mechanism, rest=self.rest)
@@ -378,13 +372,6 @@ def _warmth(poses: Mapping[int, Sequence[Sample]]) -> float | None:
 def _length_s(poses: Mapping[int, Sequence[Sample]]) -> float:
     times = [s.time_s for samples in poses.values() for s in samples]
     return max(times) - min(times) if times else 0.0
-
-
-def needed_poses(mechanism: Mechanism) -> int | None:
-    """Poses from which on a trace is possible; None where that depends on what is touched."""
-    if mechanism.key_columns:
-        return None
-    return -(-(2 * len(mechanism.channels) + SPARE) // mechanism.equations)
 
 
 def usable(result: Trace | None) -> bool:

@@ -8,8 +8,9 @@ import webbrowser
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from rsicalib import _core
 from rsicalib.errors import InputError
-from rsicalib.guide.advice import Adviser, needed_poses
+from rsicalib.guide.advice import Adviser
 from rsicalib.guide.drive import Robot
 from rsicalib.guide.drive import drive as take_by
 from rsicalib.guide.log import FITTED, Columns, Log, Sample
@@ -122,7 +123,7 @@ def guide(
         raise InputError(f"labels: found {unknown[0]!r}, expected {expected}")
     if drive is not None and source != "-":
         raise InputError(f"--drive: found --source {source} beside it, expected one of the two")
-    log = Log(Path(os.fspath(out)), names, resume, keys, needed_poses(opened) or FITTED)
+    log = Log(Path(os.fspath(out)), names, resume, keys, _core.needed_poses(opened) or FITTED)
     lines = open_source(source) if drive is None else None
     robot = None if drive is None else Robot(drive, opened, samples)
     session = Session(

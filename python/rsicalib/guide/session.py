@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
-from rsicalib.guide.advice import Advice, Adviser, explained_id
+from rsicalib.guide.advice import Advice, Adviser, explained_id, usable
 from rsicalib.guide.handle import Handle
 from rsicalib.guide.hold import LATEST, LONGER, TREMOR, Hold, apart
 from rsicalib.guide.log import Log, Sample
@@ -34,14 +35,6 @@ NEAR = 0.06
 """A pose this near its target is taken at once, as a share of what channels can read."""
 SAME = 0.01
 """A pose this near one that was taken is that one."""
-DECIDING = 12
-"""Poses at most to decide what is open, once the target is reached."""
-PARTS = 2.0
-"""A pose that parts what is open by less, in units of χ², is not worth taking."""
-AFTER = 6
-"""Poses at most after the target is reached, where the residual is in doubt."""
-DOUBT = 0.1
-"""A residual with a smaller p-value is in doubt: of clean sessions one in ten goes on for it."""
 LITTLE = 0.02
 """A pose that makes the standard deviation smaller by less than this share adds little."""
 MOVED = 0.02
@@ -328,22 +321,25 @@ class Session:
     def _judge_end(self, now: Advice) -> None:
         """Whether the session is done."""
         count = len(self.log.poses)
-        if now.result is None or now.sd is None or now.sd > self.settings.target:
-            self.done = count >= self.settings.most
-            return
-        if self.reached is None:
+        there = now.result is not None and now.sd is not None and now.sd <= self.settings.target
+        if there and self.reached is None:
             self.reached = count
-        beyond = count - self.reached
-        if self._repeat() is not None:
-            self.done = False
-        elif now.open:
-            hopeless = now.gain is not None and now.gain < PARTS
-            self.done = beyond >= DECIDING or hopeless or now.criterion != "decide"
-        else:
-            sound = not _doubtful(now.result) and not self._unmended() and self._checked()
-            on = self.settings.alone and now.result.exit_code != 0
-            self.done = sound or (beyond >= AFTER and not on)
-        self.done = self.done or count >= self.settings.most
+        self.done = _core.guided_done(
+            {
+                "poses": count,
+                "most": self.settings.most,
+                "beyond": count - self.reached if there and self.reached is not None else None,
+                "repeat": self._repeat() is not None,
+                "open": bool(now.open),
+                "deciding": now.criterion == "decide",
+                "gain": now.gain,
+                "usable": usable(now.result),
+                "p_value": None if now.result is None else now.result.after.p_value,
+                "unmended": bool(self._unmended()),
+                "checked": self._checked(),
+                "alone": self.settings.alone,
+            }
+        )
 
     def _checked(self) -> bool:
         """Whether a pose is there that was kept out of the fit."""
@@ -651,12 +647,6 @@ def _span(channel: Any) -> float:
 def _mean(samples: Sequence[Sample]) -> FloatArray:
     out: FloatArray = np.mean([s.values for s in samples], axis=0)
     return out
-
-
-def _doubtful(result: Trace) -> bool:
-    """Whether more poses may show an effect: few poses hide it, and p is then only small."""
-    p_value = result.after.p_value
-    return result.exit_code != 0 or (p_value is not None and p_value < DOUBT)
 
 
 def _stop(trouble: Trouble) -> dict[str, str | None]:

@@ -4,6 +4,7 @@ mod contest;
 pub mod exchange;
 mod forecast;
 pub mod further;
+pub mod guided;
 mod hidden;
 pub mod identifiability;
 pub mod information;
