@@ -31,7 +31,7 @@ use crate::estimate::observations::Observations;
 use crate::mechanism::Target;
 use crate::model::{Model, Thing};
 use crate::numerics::component::{Component, Contrasts};
-use crate::numerics::symmetric::invert;
+use crate::numerics::symmetric::{dot, invert};
 use crate::readings::{along, ascending};
 use crate::terms::term::{Placed, Role, Spot};
 use crate::terms::{PointPosition, targets};
@@ -61,7 +61,7 @@ fn between(observations: &Observations, fit: &Fit) -> Option<Between> {
     let order: Vec<usize> = order.into_iter().filter(|g| *g < names.len()).collect();
     let here = Told { fit, sums: &sums, changing: &changing, order };
     let inverse = fit.inverse();
-    let component = here.component(&inverse, &all)?;
+    let component = here.component(&inverse, &all, [fit.chi2, fit.dof])?;
     let covariance = here.covariance(&inverse, &all, &component);
     let halves = here.halves(&component);
     Some(Between { grouping, groups: names, changing, component, covariance, halves })
@@ -158,6 +158,10 @@ fn changing(observations: &Observations, model: &Model, sums: &Sums) -> Vec<(usi
 struct Sums {
     gram: Vec<Mat<f64>>,
     pull: Vec<Vec<f64>>,
+    /// `r_gᵀr_g`
+    squares: Vec<f64>,
+    /// Equations of its poses, and of what repeats them.
+    equations: Vec<[f64; 2]>,
 }
 
 impl Sums {
@@ -168,9 +172,16 @@ impl Sums {
         let (n, k) = (fit.model.parameters, residuals.equations);
         let mut gram = vec![Mat::zeros(n, n); groups];
         let mut pull = vec![vec![0.0; n]; groups];
+        let (mut squares, mut equations) = (vec![0.0; groups], vec![[0.0; 2]; groups]);
+        let mut seen = vec![false; readings.poses()];
         let live = (0..readings.samples).filter(|row| weights[*row] > 0.0);
+        for row in live.clone() {
+            let repeats = std::mem::replace(&mut seen[readings.pose[row]], true);
+            equations[of_row[row]][usize::from(repeats)] += k as f64;
+        }
         for equation in live.flat_map(|row| row * k..(row + 1) * k) {
             let group = of_row[equation / k];
+            squares[group] += residuals.whitened[equation].powi(2);
             let x = &residuals.by_parameter[equation * n..(equation + 1) * n];
             let used: Vec<usize> = (0..n).filter(|&i| x[i] != 0.0).collect();
             for &i in &used {
@@ -178,7 +189,7 @@ impl Sums {
                 used.iter().for_each(|&j| gram[group][(i, j)] += x[i] * x[j]);
             }
         }
-        Self { gram, pull }
+        Self { gram, pull, squares, equations }
     }
 }
 
@@ -215,6 +226,36 @@ impl Told<'_> {
         (0..n).map(|i| (0..n).map(|j| inverse[(i, j)] * slope[j]).sum()).collect()
     }
 
+    /// χ² between the poses of some groups at their own minimum, and its degrees of freedom.
+    fn left(&self, inverse: &Mat<f64>, groups: &[usize]) -> [f64; 2] {
+        let Fit { chi2, .. } = self.fit;
+        let sum = |of: &dyn Fn(usize) -> f64, groups: &[usize]| -> f64 {
+            groups.iter().map(|g| of(*g)).sum()
+        };
+        let step = self.step(inverse, groups);
+        let of_group = |g: usize| {
+            let by = |i: usize| {
+                let gram = self.sums.gram[g].col_as_slice(i);
+                step[i] * (dot(gram, &step) - 2.0 * self.sums.pull[g][i])
+            };
+            self.sums.squares[g] + (0..step.len()).map(by).sum::<f64>()
+        };
+        let told = |g: usize| -> f64 {
+            (0..step.len())
+                .map(|i| dot(inverse.col_as_slice(i), self.sums.gram[g].col_as_slice(i)))
+                .sum()
+        };
+        // What repeats scatter is in no group more than in another.
+        let repeats = |g: usize| self.sums.equations[g][1];
+        let within = sum(&|g| self.sums.squares[g], &self.order) - chi2;
+        let within = match sum(&repeats, &self.order) {
+            0.0 => 0.0,
+            all => within * sum(&repeats, groups) / all,
+        };
+        let dof = sum(&|g| self.sums.equations[g][0] - told(g), groups);
+        [sum(&of_group, groups) - within, dof]
+    }
+
     /// `X_gᵀX_g E S^½`
     fn columns(&self, group: usize) -> Mat<f64> {
         let gram = &self.sums.gram[group];
@@ -224,8 +265,13 @@ impl Told<'_> {
         })
     }
 
-    /// (131) of some groups, whose `N⁻¹` is given.
-    fn component(&self, inverse: &Mat<f64>, groups: &[usize]) -> Option<Component> {
+    /// (131) of some groups, whose `N⁻¹`, χ² and degrees of freedom are given.
+    fn component(
+        &self,
+        inverse: &Mat<f64>,
+        groups: &[usize],
+        [chi2, dof]: [f64; 2],
+    ) -> Option<Component> {
         let (m, n) = (self.changing.len(), inverse.nrows());
         if m == 0 || groups.len() < 2 {
             return None;
@@ -247,13 +293,13 @@ impl Told<'_> {
             }
         }
         let c = own - wide.transpose() * (inverse * &wide);
-        let Fit { noise, chi2, dof, .. } = self.fit;
+        let noise = &self.fit.noise;
         // Noise that changes slowly counts as so much more of it.
         let slow = noise.slow;
         let c = Mat::from_fn(count, count, |i, j| c[(i, j)] / slow);
         left.iter_mut().for_each(|u| *u /= slow);
         let least = if noise.judges() { 1.0 } else { 0.0 };
-        Contrasts::of(c.as_ref(), &left, [*chi2, *dof, least])?.component()
+        Contrasts::of(c.as_ref(), &left, [chi2, dof, least])?.component()
     }
 
     /// `V` (132) of some groups.
@@ -279,7 +325,10 @@ impl Told<'_> {
         let inverses = halves.each_ref().map(|half| invert(&self.normal(half)).0);
         // Few contrasts tell a component by its limits more than by themselves.
         let told = |h: usize| self.changing.len() * halves[h].len().saturating_sub(1) > FEW;
-        let own = [0, 1].map(|h| self.component(&inverses[h], &halves[h]).filter(|_| told(h)));
+        let own = [0, 1].map(|h| {
+            let left = self.left(&inverses[h], &halves[h]);
+            self.component(&inverses[h], &halves[h], left).filter(|_| told(h))
+        });
         let steps = [0, 1].map(|h| self.step(&inverses[h], &halves[h]));
         let of = |h: usize| {
             let component = own[h].unwrap_or(*all);
