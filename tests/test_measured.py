@@ -10,10 +10,12 @@ import shutil
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rsicalib
 from rsicalib import Calibration
+from tests import planted
 from tests.full import sized
 
 DATA = Path(__file__).parents[2] / "shared" / "data" / "mukca"
@@ -104,6 +106,15 @@ def test_with_gravity_turned_the_gain_vanishes(
     real, turned = others["geometry"] - others["real"], others["geometry"] - others["turned"]
     assert real > 0.04
     assert turned < vanishes * real, others
+
+
+def test_a_jump_and_a_move_that_were_planted_are_named(folder: Path) -> None:
+    shutil.copy(DATA / "panda_left.csv", folder)
+    arm = planted.Arm(folder, "panda_left", "world_frame")
+    jump, shows = planted.jumped(arm, np.random.default_rng(4), 1)
+    move, moves = planted.moved(arm, np.random.default_rng(4), "socket0")
+    assert min(shows, moves) > planted.SHOWS
+    assert (jump, move) == ("named", "named")
 
 
 def test_a_negative_compliance_is_called_unphysical(folder: Path) -> None:

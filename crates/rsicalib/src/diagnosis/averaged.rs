@@ -197,12 +197,12 @@ impl<'a> Averaged<'a> {
     /// What readings say of a fit, and of those beside it.
     pub(crate) fn said(&self, fit: &Fit) -> Said {
         let larger_noise = self.search.uses(Rule::LargerNoise);
-        Said { data: self.data, chi2: cost(fit), larger_noise }
+        Said { data: self.data, chi2: fit.cost(), larger_noise }
     }
 
     /// What readings say of a fit.
     pub(crate) fn said_of(&self, fit: &Fit) -> f64 {
-        self.data.of(cost(fit))
+        self.data.of(fit.cost())
     }
 
     /// An instance of the search as one of the session.
@@ -222,11 +222,4 @@ impl<'a> Averaged<'a> {
         let cause = Cause::Pose { p_value: step.p_value };
         Excluded::of(Some(pose), self.samples[pose], cause)
     }
-}
-
-/// χ² with what priors add to it.
-#[must_use]
-pub fn cost(fit: &Fit) -> f64 {
-    let held: f64 = fit.priors.iter().map(|p| p.off(&fit.beta).powi(2)).sum();
-    fit.total + held
 }

@@ -16,7 +16,7 @@ use crate::diagnosis::delays::{Delays, beyond, delays};
 use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::long::{Search, rise, search_long};
 use crate::diagnosis::plausibility::absurdities;
-use crate::diagnosis::score::bodies::{Bodies, is_move};
+use crate::diagnosis::score::bodies::{happened_once, retimed};
 use crate::diagnosis::score::places;
 use crate::diagnosis::score::scored::{self, Judge, Scored};
 use crate::diagnosis::search::answers::search_effects;
@@ -34,7 +34,6 @@ use crate::screening::converter;
 use crate::screening::excluded::Excluded;
 use crate::screening::sound::sound;
 
-pub use crate::diagnosis::averaged::cost;
 use crate::diagnosis::options::Rule;
 pub use crate::diagnosis::options::{LEVEL, SearchOptions};
 pub use crate::diagnosis::search::rivals::Explanation;
@@ -314,7 +313,7 @@ fn explain(
     let Averaged { small, stretches, .. } = averaged;
     let of_all = |step: &FoundEffect| match &stretches {
         Some(stretches) => rise(&after, &stretches.in_all(&step.scored.instance)),
-        None => cost(&step.without) - cost(&current),
+        None => step.without.cost() - current.cost(),
     };
     let delayed = |step: FoundEffect| Found::of(rise(&after, &step.scored.instance), step);
     let mut found: Vec<Found> = late.into_iter().map(delayed).collect();
@@ -419,8 +418,7 @@ fn judge_again(
     }
     let mut again = all.clone();
     let instances = base.iter().copied().chain(effects).collect();
-    let beside = fit(&again, instances, Some(&searched.current))?;
-    let beside = retimed(&again, beside, &averaged.judge(&searched.current))?;
+    let beside = in_all_samples(&again, fit(&again, instances, Some(&searched.current))?)?;
     let (_, excluded) = sound(&mut again, &beside)?;
     if again.weights == judged.weights {
         return Ok(None);
@@ -429,22 +427,12 @@ fn judge_again(
     Ok(Some((again, clean, excluded)))
 }
 
-/// The fit with what moved once at its likeliest time in all samples: where samples beside the
-/// slip were left out, the search could not tell when it was.
-fn retimed(observations: &Observations, mut fitted: Fit, judge: &Judge) -> Result<Fit, Error> {
-    let instances = fitted.model.instances.clone();
-    for slip in instances.into_iter().filter(is_move) {
-        let others = fitted.model.instances.iter().copied().filter(|i| *i != slip).collect();
-        let without = fit(observations, others, Some(&fitted))?;
-        let at = AtFit::new(observations, &without);
-        let scored = Bodies::of(&at, vec![slip])?.score(judge).into_iter();
-        let Some(best) = scored.max_by(|a, b| a.score.total_cmp(&b.score)) else { continue };
-        let mut instances = without.model.instances.clone();
-        instances.push(best.instance);
-        let moved = fit(observations, instances, Some(&without))?;
-        if cost(&moved) < cost(&fitted) {
-            fitted = moved;
-        }
+/// The fit with what happened once at its likeliest time in all samples: where samples beside it were
+/// left out, the search could not tell when it was.
+fn in_all_samples(observations: &Observations, mut fitted: Fit) -> Result<Fit, Error> {
+    for instance in fitted.model.instances.clone().into_iter().filter(happened_once) {
+        let from = fitted.clone();
+        (_, fitted) = retimed(observations, &from, fitted, instance)?;
     }
     Ok(fitted)
 }

@@ -89,6 +89,13 @@ impl Fit {
         self.termination.converged() && self.plausible
     }
 
+    /// χ² of all samples with what priors add to it.
+    #[must_use]
+    pub fn cost(&self) -> f64 {
+        let held: f64 = self.priors.iter().map(|p| p.off(&self.beta).powi(2)).sum();
+        self.total + held
+    }
+
     /// True where some start led to a fit in which every joint moves.
     #[must_use]
     pub fn has_start(&self) -> bool {

@@ -19,6 +19,16 @@ pub struct StepScore {
     pub by: f64,
 }
 
+/// Columns that a fit has: of what happened at another time.
+pub struct Fitted {
+    /// Their parameters, `b`.
+    pub values: Vec<f64>,
+    /// Their covariance, `B`, of `N⁻¹`.
+    pub covariance: Mat<f64>,
+    /// Their rows of `R`, where `N⁻¹ = R Rᵀ`.
+    pub root: Mat<f64>,
+}
+
 /// Sums for (83) over the rows from one on, of the columns `Z` of what moved.
 pub struct StepSums {
     /// `Zᵀr`
@@ -89,6 +99,28 @@ impl StepSums {
         (rank > 0).then_some(StepScore { score, rank, by })
     }
 
+    /// By how much χ² rises with these columns in place of fitted ones, to first order. None where they do
+    /// not tell all directions.
+    ///
+    /// ```text
+    /// bᵀV⁻¹b - uᵀM⁻¹u,    b = β + C M⁻¹u,  V = B + C M⁻¹Cᵀ,  C = R_t QᵀZ                          (159)
+    /// ```
+    ///
+    /// `β` and `B` are the fitted parameters and their covariance, `R_t` their rows of the root of `N⁻¹`; `b` and `V`
+    /// are the same with both free.
+    #[must_use]
+    pub fn in_place_of(&self, own: &Fitted, pull: &[f64]) -> Option<f64> {
+        let (u, left) = self.beside(pull);
+        let inverse = inverse_of(&left, &self.zz)?;
+        let columns = u.len();
+        let u = Mat::from_fn(columns, 1, |i, _| u[i]);
+        let (moved, taken) = (&inverse * &u, &own.root * &self.qz);
+        let values = Mat::from_fn(own.values.len(), 1, |i, _| own.values[i]) + &taken * &moved;
+        let covariance = &own.covariance + &taken * &inverse * taken.transpose();
+        let needed = values.transpose() * inverse_of(&covariance, &covariance)? * &values;
+        Some(needed[(0, 0)] - (u.transpose() * &moved)[(0, 0)])
+    }
+
     /// What a move with this score costs, in directions that are told as well as the best one, where its
     /// components are as large among each other as these typical sizes: what hardly shows costs
     /// little, and what a move explains by that is given back.
@@ -118,11 +150,67 @@ impl StepSums {
     }
 }
 
+/// The inverse of a square of columns, with lengths of `of`; none where a direction is not told.
+fn inverse_of(square: &Mat<f64>, of: &Mat<f64>) -> Option<Mat<f64>> {
+    let n = square.nrows();
+    let unit: Vec<f64> = (0..n).map(|i| of[(i, i)].max(0.0).sqrt().recip()).collect();
+    if !unit.iter().all(|unit| unit.is_finite()) {
+        return None;
+    }
+    let scaled = Mat::from_fn(n, n, |i, j| square[(i, j)] * unit[i] * unit[j]);
+    let inverse = inverse_above(&scaled, VISIBLE)?;
+    Some(Mat::from_fn(n, n, |i, j| inverse[(i, j)] * unit[i] * unit[j]))
+}
+
 #[cfg(test)]
 mod tests {
     use nalgebra::{DMatrix, DVector};
 
-    use super::StepSums;
+    use faer::Mat;
+
+    use super::{Fitted, StepSums};
+
+    #[test]
+    fn columns_in_place_of_others_leave_what_their_own_fit_leaves() {
+        let odd = |i: usize, j: usize| ((1 + i * i + 7 * i * j + 3 * j) as f64).sin();
+        let fixed = DMatrix::from_fn(30, 4, odd);
+        let own = DMatrix::from_fn(30, 2, |i, j| if i < 11 { 0.0 } else { odd(i, 5 + j) });
+        let other = DMatrix::from_fn(30, 2, |i, j| if i < 14 { 0.0 } else { odd(i, 5 + j) });
+        let r = DVector::from_fn(30, |i, _| odd(i, 9) + 3.0 * other[(i, 0)]);
+        // Least squares by QR: what is left, and the parameters, of `r + X β`.
+        let fit = |x: &DMatrix<f64>| {
+            let (q, triangle) = x.clone().qr().unpack();
+            let along = q.transpose() * &r;
+            let beta = -triangle.solve_upper_triangular(&along).expect("independent columns");
+            (&r + x * &beta, beta)
+        };
+        let join = |a: &DMatrix<f64>, b: &DMatrix<f64>| {
+            DMatrix::from_fn(30, a.ncols() + b.ncols(), |i, j| match j.checked_sub(a.ncols()) {
+                None => a[(i, j)],
+                Some(j) => b[(i, j)],
+            })
+        };
+        let x = join(&fixed, &own);
+        let ((left, beta), (wanted, _)) = (fit(&x), fit(&join(&fixed, &other)));
+        // The last rows of a root of N⁻¹, and N⁻¹ itself.
+        let covariance = (x.transpose() * &x).try_inverse().expect("independent columns");
+        let root = covariance.clone().cholesky().expect("positive").l();
+        let q = &x * &root;
+        let mut sums = StepSums::new(6, 2);
+        (0..30).for_each(|i| {
+            let row = |m: &DMatrix<f64>| m.row(i).iter().copied().collect::<Vec<_>>();
+            sums.add(&row(&q), &row(&other), left[i]);
+        });
+        let own = Fitted {
+            values: vec![beta[4], beta[5]],
+            covariance: Mat::from_fn(2, 2, |i, j| covariance[(4 + i, 4 + j)]),
+            root: Mat::from_fn(2, 6, |i, j| root[(4 + i, j)]),
+        };
+        let rises = sums.in_place_of(&own, &[0.0; 6]).expect("all directions");
+        let wanted = wanted.norm_squared() - left.norm_squared();
+        assert!((rises - wanted).abs() < 1e-9 * left.norm_squared(), "{rises} for {wanted}");
+        assert!(rises < -1.0, "the other time is the right one");
+    }
 
     #[test]
     fn directions_cost_what_the_density_of_the_residuals_says() {

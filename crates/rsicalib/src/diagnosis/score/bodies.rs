@@ -5,12 +5,13 @@
 
 use crate::Error;
 use crate::diagnosis::options::SearchOptions;
-use crate::diagnosis::score::scored::{Family, Judge, MOST_TIMES, Scored};
+use crate::diagnosis::score::scored::{Family, Judge, MOST_TIMES, Scored, is_data};
 use crate::estimate::at_fit::AtFit;
-use crate::estimate::{Fit, Implicit, Observations, Part, carry_over};
+use crate::estimate::{Fit, Implicit, Observations, Part, carry_over, fit};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
-use crate::screening::steps::{SIDE, StepScore, StepSums};
+use crate::numerics::symmetric::inverse_root;
+use crate::screening::steps::{Fitted, SIDE, StepScore, StepSums};
 use crate::terms;
 use crate::terms::targets::{self, searchable, targets_in};
 use crate::terms::term::{Acts, Placed, Spot, Term};
@@ -18,6 +19,12 @@ use crate::terms::term::{Acts, Placed, Spot, Term};
 /// Equations on either side of a move for each of its columns: of fewer, a few wrong readings look
 /// like a move.
 const EQUATIONS: usize = 3;
+
+/// True for what happened once, to a sensor or to a body.
+#[must_use]
+pub fn happened_once(instance: &Instance) -> bool {
+    instance.term.placed() == Placed::AtPose && !is_data(instance)
+}
 
 /// True for a body that moved once.
 #[must_use]
@@ -114,13 +121,36 @@ impl<'a> Bodies<'a> {
 
     /// One body's moves, each with its score and the directions that the rows tell of it.
     fn moves(&self, body: usize) -> Vec<(Instance, StepScore, f64)> {
+        let Instance { term, target, .. } = self.bodies[body];
+        let typical = targets::typical(&self.at.observations.mechanism, term, target);
+        let mut found = Vec::new();
+        self.each_time(body, |instance, sums| {
+            let Some(scored) = sums.score(&self.at.pull) else { return };
+            let told = sums.directions(&typical, &self.at.pull, &scored);
+            found.push((instance, scored, told));
+        });
+        found
+    }
+
+    /// The pose from which on a body is likelier to have moved than from that which the fit has, (159).
+    fn likelier(&self, body: usize, own: &Fitted) -> Option<Instance> {
+        let mut best = (0.0, None);
+        self.each_time(body, |instance, sums| {
+            let rises = sums.in_place_of(own, &self.at.pull).unwrap_or(0.0);
+            if rises < best.0 {
+                best = (rises, Some(instance));
+            }
+        });
+        best.1
+    }
+
+    /// Goes through the poses from which on a body may have moved, with the sums from there on.
+    fn each_time(&self, body: usize, mut visit: impl FnMut(Instance, &StepSums)) {
         let Observations { readings, weights, .. } = self.at.observations;
         let (extra, first) = (self.bodies[body].width(), self.first[body]);
         // What moves at a closure shows in its equations alone.
         let (model, mechanism) = (&self.at.fit.model, &self.at.observations.mechanism);
-        let Instance { term, target, .. } = self.bodies[body];
-        let typical = targets::typical(mechanism, term, target);
-        let own = mechanism.closures_of(target);
+        let own = mechanism.closures_of(self.bodies[body].target);
         let own: usize = own.map(|closure| model.equations_of(closure)).sum();
         let k = if own > 0 { own } else { self.at.residuals.equations };
         let poses = readings.rows_of_poses();
@@ -139,11 +169,12 @@ impl<'a> Bodies<'a> {
         let stride = live.len().div_ceil(MOST_TIMES).max(1);
         let side = SIDE.max((EQUATIONS * extra).div_ceil(k));
         let none = || StepSums::new(self.at.rank(), extra);
-        let (mut sums, mut found, mut last) = (none(), Vec::new(), None);
+        let (mut sums, mut last) = (none(), None);
         for (order, &pose) in live.iter().enumerate().rev() {
-            // What moved in one session has its place in that session.
+            // What moved in one session has its place in that session; a sensor stays as it is.
             let session = readings.session_of_pose.get(pose);
-            if last.replace(session).is_some_and(|later| later != session) {
+            let new = last.replace(session).is_some_and(|later| later != session);
+            if new && is_move(&self.bodies[body]) {
                 sums = none();
             }
             for e in poses[pose].iter().filter(counts).flat_map(|&row| self.at.equations(row)) {
@@ -154,11 +185,55 @@ impl<'a> Bodies<'a> {
             let instance = Instance { place: pose, ..self.bodies[body] };
             if both_sides && order % stride == 0 && !self.at.fit.model.instances.contains(&instance)
             {
-                let Some(scored) = sums.score(&self.at.pull) else { continue };
-                let told = sums.directions(&typical, &self.at.pull, &scored);
-                found.push((instance, scored, told));
+                visit(instance, &sums);
             }
         }
-        found
     }
+}
+
+/// Moves of what happened once, at the most: after so many its time is the last, or there is none.
+const MOVES: usize = 3;
+
+/// A fit with what happened once at the time that is likeliest beside everything else, and what it is then: a
+/// fit without it lets other parameters take up a part, and may place it some poses off.
+///
+/// # Errors
+///
+/// As [`fit`].
+pub fn retimed(
+    observations: &Observations,
+    from: &Fit,
+    mut fitted: Fit,
+    mut instance: Instance,
+) -> Result<(Instance, Fit), Error> {
+    for _ in 0..MOVES {
+        let Some(there) = likelier_time(observations, &fitted, &instance)? else { break };
+        let others = fitted.model.instances.iter();
+        let instances = others.map(|i| if *i == instance { there } else { *i }).collect();
+        let moved = fit(observations, instances, Some(from))?;
+        if moved.cost() >= fitted.cost() {
+            break;
+        }
+        (instance, fitted) = (there, moved);
+    }
+    Ok((instance, fitted))
+}
+
+/// The pose from which on something is likelier to have happened than from that which a fit has.
+fn likelier_time(
+    observations: &Observations,
+    fit: &Fit,
+    instance: &Instance,
+) -> Result<Option<Instance>, Error> {
+    let Some(k) = fit.model.instances.iter().position(|i| i == instance) else { return Ok(None) };
+    let (first, width) = (fit.model.first[k], instance.width());
+    let at = AtFit::new(observations, fit);
+    let (root, ..) = inverse_root(&fit.gram);
+    let own = Fitted {
+        values: fit.beta[first..first + width].to_vec(),
+        covariance: at.inverse.submatrix(first, first, width, width).to_owned(),
+        root: root.submatrix(first, 0, width, root.ncols()).to_owned(),
+    };
+    let bodies = Bodies::of(&at, vec![*instance])?;
+    Ok(bodies.likelier(0, &own))
 }

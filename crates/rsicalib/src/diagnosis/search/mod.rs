@@ -19,7 +19,7 @@ pub mod rivals;
 mod yielding;
 
 use crate::Error;
-use crate::diagnosis::averaged::{Averaged, cost};
+use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::plausibility::{Absurdity, absurdities};
 use crate::diagnosis::price::by_price;
 use crate::diagnosis::score::scored::is_data;
@@ -124,7 +124,7 @@ impl<'s, 'a> Beam<'s, 'a> {
 
     /// True where an explanation would be listed if something were added that costs nothing and leaves noise.
     fn is_hopeful(&self, account: &Account, limit: f64) -> bool {
-        let left = (cost(&account.fit) - account.fit.dof).max(0.0);
+        let left = (account.fit.cost() - account.fit.dof).max(0.0);
         self.with_score(account, left) < limit
     }
 

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use crate::Error;
 use crate::diagnosis::options::Rule;
 use crate::diagnosis::price::charge;
+use crate::diagnosis::score::bodies::retimed;
 use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data};
 use crate::diagnosis::score::{candidates, pairs};
 use crate::diagnosis::search::account::{Account, More};
@@ -261,8 +262,12 @@ impl Beam<'_, '_> {
         let before = &account.fit;
         let refits = workers::map(new, |(items, noise)| -> Result<_, Error> {
             let session = self.session(&items, noise.as_ref());
-            let (items, mut fitted) = refit(&session, before, items, account.items.len())?;
-            let mut noise = noise;
+            let old = account.items.len();
+            let mut found = refit(&session, before, items, old)?;
+            if self.price(&found.1, &found.0, noise.as_ref()) < account.price {
+                found = at_likeliest_times(&session, before, found, old)?;
+            }
+            let ((items, mut fitted), mut noise) = (found, noise);
             if let Some(own) = noise {
                 let (shown, last) = self.in_turn(&items, own, fitted, !noisy)?;
                 (noise, fitted) = (Some(shown), last);
@@ -301,19 +306,33 @@ fn refit(
     mut items: Vec<Scored>,
     old: usize,
 ) -> Result<(Vec<Scored>, Fit), Error> {
-    let with = |items: &[Scored]| {
-        let mut instances = before.model.instances.clone();
-        let new = items[old..].iter().map(|item| item.instance);
-        instances.extend(new.filter(|i| excluded_pose(i).is_none()));
-        fit(session, instances, Some(before))
-    };
-    let mut fitted = with(&items)?;
+    let mut fitted = with(session, before, &items[old..])?;
     for _ in 0..ORDER_MOVES {
         let moved = (old..items.len())
             .find_map(|k| nearest_place(&fitted, &items[k].instance).map(|place| (k, place)));
         let Some((k, place)) = moved else { break };
         items[k].instance.place = place;
-        fitted = with(&items)?;
+        fitted = with(session, before, &items[old..])?;
     }
     Ok((items, fitted))
+}
+
+/// The same with what happened once at its likeliest time.
+fn at_likeliest_times(
+    session: &Observations,
+    before: &Fit,
+    (mut items, mut fitted): (Vec<Scored>, Fit),
+    old: usize,
+) -> Result<(Vec<Scored>, Fit), Error> {
+    for item in items[old..].iter_mut().filter(|item| item.family.happened_once()) {
+        (item.instance, fitted) = retimed(session, before, fitted, item.instance)?;
+    }
+    Ok((items, fitted))
+}
+
+/// The fit with more items.
+fn with(session: &Observations, before: &Fit, more: &[Scored]) -> Result<Fit, Error> {
+    let mut instances = before.model.instances.clone();
+    instances.extend(more.iter().map(|item| item.instance).filter(|i| excluded_pose(i).is_none()));
+    fit(session, instances, Some(before))
 }

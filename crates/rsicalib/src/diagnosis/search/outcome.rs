@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::diagnosis::averaged::{Averaged, cost};
+use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::doubt::doubt;
 use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::score::scored::{self, Scored};
@@ -68,7 +68,7 @@ impl Searched {
     pub(crate) fn is_answer(&self, averaged: &Averaged) -> bool {
         let (found, rises): (Vec<_>, Vec<_>) = self
             .effects()
-            .map(|step| (step.scored.instance, cost(&step.without) - cost(&self.current)))
+            .map(|step| (step.scored.instance, step.without.cost() - self.current.cost()))
             .unzip();
         self.quiet(averaged) && doubt(&averaged.small.mechanism, &found, &rises).is_none()
     }

@@ -11,7 +11,7 @@ pub(crate) mod formula;
 pub mod variables;
 
 use crate::Error;
-use crate::diagnosis::averaged::{Averaged, cost};
+use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::price::{Data, Family, mean, prior};
 use crate::diagnosis::score::scored::{self, Scored, paid};
 use crate::diagnosis::unknown_law::evidence::{Errors, Evidence, Likeliest};
@@ -183,7 +183,7 @@ impl Averaged<'_> {
                 .iter()
                 .map(|(fit, price, holding)| {
                     let at = AtFit::new(&self.small, fit);
-                    Beside { at, chi2: cost(fit), price: *price, holding: *holding }
+                    Beside { at, chi2: fit.cost(), price: *price, holding: *holding }
                 })
                 .collect();
             let variables = variables(&beside[0].at, &rows)?;
