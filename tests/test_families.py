@@ -12,6 +12,7 @@ import pytest
 
 import rsicalib
 from rsicalib.facts.verdicts import EXIT_CODES
+from tests import places
 from tests.families import effects, linkage, run, tables
 from tests.families.device import Device, observe, stage
 from tests.families.draw import FAMILIES
@@ -120,6 +121,13 @@ def test_clean_devices_are_adequate_and_the_truth_is_recovered(family: str) -> N
             assert true is not None
             assert parameter.value is not None and parameter.sd is not None
             assert abs(parameter.value - true) < 5 * parameter.sd, parameter
+
+
+def test_sound_sessions_with_few_places_for_an_effect_and_with_many_are_adequate() -> None:
+    """`python -m tests.places` counts them by the thousand."""
+    assert len(places.of_few(5).could_hide) == 10
+    found = [*map(places.of_few, range(5, 9)), places.of_many(6, poses=150)]
+    assert [(r.verdict, r.steps, r.excluded) for r in found] == [("adequate", (), ())] * 5
 
 
 @EVERY
