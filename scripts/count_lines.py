@@ -48,6 +48,7 @@ def counts(root: Path = ROOT) -> dict[str, int]:
     pages = [root / "README.md", *(root / "docs").rglob("*.md")]
     return {
         "core crate": _crate(root / "crates" / "rsicalib" / "src"),
+        "of these, diagnosis": _crate(root / "crates" / "rsicalib" / "src", "diagnosis/"),
         "bindings": _crate(root / "crates" / "rsicalib-py" / "src"),
         "Python package": _sum(package.rglob("*.py"), python_lines),
         "JavaScript, HTML, CSS": _sum(web, web_lines),
@@ -97,8 +98,9 @@ def web_lines(source: str) -> int:
     return _filled(WEB_COMMENT.sub("", source))
 
 
-def _crate(folder: Path) -> int:
-    return _sum((folder / name for name in imports_rust.read(folder)[0]), rust_lines)
+def _crate(folder: Path, under: str = "") -> int:
+    names = (name for name in imports_rust.read(folder)[0] if str(name).startswith(under))
+    return _sum((folder / name for name in names), rust_lines)
 
 
 def _filled(text: str) -> int:

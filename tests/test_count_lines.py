@@ -10,7 +10,7 @@ TREE = {
     "crates/rsicalib/src/lib.rs": """\
 //! A crate.
 
-mod inner;
+mod inner; mod diagnosis;
 #[cfg(test)]
 mod laws;
 
@@ -30,6 +30,7 @@ mod tests {
     fn two() {}
 }
 """,
+    "crates/rsicalib/src/diagnosis/mod.rs": "fn found() {}\n",
     "crates/rsicalib/src/laws.rs": "fn of_tests_alone() {}\n",
     "crates/rsicalib/tests/public.rs": "fn elsewhere() {}\n",
     "crates/rsicalib-py/src/lib.rs": "fn bound() {}\n",
@@ -64,7 +65,8 @@ def test_blank_lines_comments_docstrings_and_tests_are_no_code(tmp_path: Path) -
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
     assert count_lines.counts(tmp_path) == {
-        "core crate": 3 + 3,
+        "core crate": 3 + 3 + 1,
+        "of these, diagnosis": 1,
         "bindings": 1,
         "Python package": 4,
         "JavaScript, HTML, CSS": 3,

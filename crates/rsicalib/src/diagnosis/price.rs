@@ -40,14 +40,6 @@ pub enum Family {
     Bad,
 }
 
-impl Family {
-    /// True for what happened at one time, which is searched for.
-    #[must_use]
-    pub fn happened_once(self) -> bool {
-        matches!(self, Self::Slip | Self::Moved)
-    }
-}
-
 stated! {
     /// Probability of an effect, one item being there: of its places all are as likely.
     fn prior_of_named() -> f64 = 0.54;

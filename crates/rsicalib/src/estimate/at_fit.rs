@@ -27,6 +27,8 @@ pub struct AtFit<'a> {
     pub residuals: Residuals,
     /// `N⁻¹`.
     pub inverse: Mat<f64>,
+    /// `R`.
+    pub root: Mat<f64>,
     /// `Qᵀ`, one column for each equation of each sample.
     q: Mat<f64>,
     /// `p`
@@ -72,7 +74,7 @@ impl<'a> AtFit<'a> {
                 a_hat.copy_from_slice(moved);
             }
         }
-        Self { observations, fit, residuals, inverse, q, pull, adjusted }
+        Self { observations, fit, residuals, inverse, root, q, pull, adjusted }
     }
 
     /// Readings of a block as the fit settles them, `â`, (168). The columns of terms are those of `â`:

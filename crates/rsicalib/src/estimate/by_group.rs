@@ -61,7 +61,7 @@ fn between(observations: &Observations, fit: &Fit) -> Option<Between> {
     let order: Vec<usize> = order.into_iter().filter(|g| *g < names.len()).collect();
     let here = Told { fit, sums: &sums, changing: &changing, order };
     let inverse = fit.inverse();
-    let component = here.component(&inverse, &all, [fit.chi2, fit.dof])?;
+    let component = here.component(&inverse, &all, here.left(&inverse, &all))?;
     let covariance = here.covariance(&inverse, &all, &component);
     let halves = here.halves(&component);
     Some(Between { grouping, groups: names, changing, component, covariance, halves })
@@ -160,8 +160,10 @@ struct Sums {
     pull: Vec<Vec<f64>>,
     /// `r_gᵀr_g`
     squares: Vec<f64>,
-    /// Equations of its poses, and of what repeats them.
-    equations: Vec<[f64; 2]>,
+    /// Equations.
+    told: Vec<f64>,
+    /// Its share of what repeats scatter.
+    repeats: Vec<f64>,
 }
 
 impl Sums {
@@ -172,13 +174,23 @@ impl Sums {
         let (n, k) = (fit.model.parameters, residuals.equations);
         let mut gram = vec![Mat::zeros(n, n); groups];
         let mut pull = vec![vec![0.0; n]; groups];
-        let (mut squares, mut equations) = (vec![0.0; groups], vec![[0.0; 2]; groups]);
+        let (mut squares, mut told) = (vec![0.0; groups], vec![0.0; groups]);
+        let [mut rows, mut poses] = [0, 1].map(|_| vec![0.0; groups]);
         let mut seen = vec![false; readings.poses()];
         let live = (0..readings.samples).filter(|row| weights[*row] > 0.0);
         for row in live.clone() {
-            let repeats = std::mem::replace(&mut seen[readings.pose[row]], true);
-            equations[of_row[row]][usize::from(repeats)] += k as f64;
+            let group = of_row[row];
+            told[group] += residuals.directions_of(row) as f64;
+            rows[group] += 1.0;
+            if !std::mem::replace(&mut seen[readings.pose[row]], true) {
+                poses[group] += 1.0;
+            }
         }
+        // Where no pose repeats, rows of a recording repeat their neighbours.
+        let more = rows.iter().zip(&poses).map(|(rows, poses)| rows - poses).collect::<Vec<f64>>();
+        let more = if more.iter().any(|m| *m > 0.0) { more } else { rows };
+        let all: f64 = more.iter().sum();
+        let repeats = more.iter().map(|more| more / all).collect();
         for equation in live.flat_map(|row| row * k..(row + 1) * k) {
             let group = of_row[equation / k];
             squares[group] += residuals.whitened[equation].powi(2);
@@ -189,7 +201,7 @@ impl Sums {
                 used.iter().for_each(|&j| gram[group][(i, j)] += x[i] * x[j]);
             }
         }
-        Self { gram, pull, squares, equations }
+        Self { gram, pull, squares, told, repeats }
     }
 }
 
@@ -226,34 +238,28 @@ impl Told<'_> {
         (0..n).map(|i| (0..n).map(|j| inverse[(i, j)] * slope[j]).sum()).collect()
     }
 
-    /// χ² between the poses of some groups at their own minimum, and its degrees of freedom.
+    /// χ² between the poses of some groups at their own minimum, and its degrees of freedom: of all, those of
+    /// the fit.
     fn left(&self, inverse: &Mat<f64>, groups: &[usize]) -> [f64; 2] {
-        let Fit { chi2, .. } = self.fit;
-        let sum = |of: &dyn Fn(usize) -> f64, groups: &[usize]| -> f64 {
-            groups.iter().map(|g| of(*g)).sum()
-        };
+        let Fit { chi2, total, within, noise, .. } = self.fit;
+        // What repeats scatter was taken out where they tell the noise.
+        let scattered = if *within > 0.0 { total - chi2 * noise.inflation } else { 0.0 };
+        let inflation = if *within > 0.0 { noise.inflation } else { 1.0 };
         let step = self.step(inverse, groups);
-        let of_group = |g: usize| {
-            let by = |i: usize| {
-                let gram = self.sums.gram[g].col_as_slice(i);
-                step[i] * (dot(gram, &step) - 2.0 * self.sums.pull[g][i])
-            };
-            self.sums.squares[g] + (0..step.len()).map(by).sum::<f64>()
-        };
-        let told = |g: usize| -> f64 {
-            (0..step.len())
-                .map(|i| dot(inverse.col_as_slice(i), self.sums.gram[g].col_as_slice(i)))
-                .sum()
-        };
-        // What repeats scatter is in no group more than in another.
-        let repeats = |g: usize| self.sums.equations[g][1];
-        let within = sum(&|g| self.sums.squares[g], &self.order) - chi2;
-        let within = match sum(&repeats, &self.order) {
-            0.0 => 0.0,
-            all => within * sum(&repeats, groups) / all,
-        };
-        let dof = sum(&|g| self.sums.equations[g][0] - told(g), groups);
-        [sum(&of_group, groups) - within, dof]
+        let (mut squares, mut dof, mut repeats) = (0.0, 0.0, 0.0);
+        for &g in groups {
+            let (gram, pull) = (&self.sums.gram[g], &self.sums.pull[g]);
+            squares += self.sums.squares[g];
+            dof += self.sums.told[g];
+            repeats += self.sums.repeats[g];
+            for (i, by) in step.iter().enumerate() {
+                let column = gram.col_as_slice(i);
+                squares += by * (dot(column, &step) - 2.0 * pull[i]);
+                dof -= dot(inverse.col_as_slice(i), column);
+            }
+        }
+        let chi2 = (squares - scattered * repeats).max(0.0) / inflation;
+        [chi2, dof - within * repeats]
     }
 
     /// `X_gᵀX_g E S^½`

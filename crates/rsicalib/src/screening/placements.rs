@@ -174,9 +174,17 @@ impl<'a> Looking<'a> {
             let told = looking.at.residuals.directions_of(row).max(1);
             looking.single[row] / distributions::chi2_quantile(0.5, told as f64)
         };
-        let of = |rows: &[usize]| median(rows.iter().copied().map(scale).collect());
-        let typical = of(&looking.runs.concat());
-        let own: Vec<f64> = looking.runs.iter().map(|rows| of(rows).max(typical)).collect();
+        // A sample alone at its point tells nothing of the scatter.
+        let of = |rows: &[usize]| {
+            median(rows.iter().copied().map(scale).filter(|scale| *scale > 0.0).collect())
+        };
+        let typical = of(&looking.runs.concat()).max(f64::MIN_POSITIVE);
+        // A median of few rows is one of them, which may be the one that is wrong.
+        let own = |rows: &Vec<usize>| match rows.len() >= 2 * SIDE {
+            true => of(rows).max(typical),
+            false => typical,
+        };
+        let own: Vec<f64> = looking.runs.iter().map(own).collect();
         for (rows, own) in looking.runs.iter().zip(own) {
             rows.iter().for_each(|&row| looking.usual[row] = own);
         }
@@ -272,7 +280,7 @@ impl<'a> Looking<'a> {
         let expected = distributions::chi2_quantile(0.5 / (1.0 + 0.5 * each), 3.0);
         let scale = (median(best.iter().map(|m| m.score).collect()) / expected).max(1.0);
         let whole = |rows: &Vec<usize>| self.spread([rows, &[]]);
-        let usual = median(self.runs.iter().map(whole).collect());
+        let usual = median(self.runs.iter().map(whole).collect()).max(f64::MIN_POSITIVE);
         let beside_its_run = |m: Displacement| {
             let left = self.spread(self.runs[m.run].split_at(m.at).into()) / usual;
             (left <= HEALED * HEALED).then(|| Displacement { score: m.score / left.max(1.0), ..m })

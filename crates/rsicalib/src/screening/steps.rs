@@ -21,7 +21,7 @@ pub struct StepScore {
 
 /// Columns that a fit has: of what happened at another time.
 pub struct Fitted {
-    /// Their parameters, `b`.
+    /// Their parameters, `β`.
     pub values: Vec<f64>,
     /// Their covariance, `B`, of `N⁻¹`.
     pub covariance: Mat<f64>,
@@ -56,7 +56,7 @@ impl StepSums {
         }
     }
 
-    /// `u` and `S` of (154): what the fit leaves of `Zᵀr` and of `ZᵀZ`.
+    /// `u` and `M` of (71), `S` in (154): what the fit leaves of `Zᵀr` and of `ZᵀZ`.
     fn beside(&self, pull: &[f64]) -> (Vec<f64>, Mat<f64>) {
         let u = self.zr.iter().enumerate();
         let u = u.map(|(i, zr)| zr - dot(self.qz.col_as_slice(i), pull)).collect();

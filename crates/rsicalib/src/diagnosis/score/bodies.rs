@@ -1,16 +1,16 @@
-//! Scores of what moved once: the base of a chain, the tool at its end, a distance.
+//! Scores of what moved once: the base of a chain, the tool at its end, a distance; and sums of what happened
+//! once to a sensor, for [its time](super::times).
 //!
 //! Each term, chain and time is one candidate of several columns: those of a body that is
 //! displaced in all samples, from one pose on. Running sums score all times, (71) and (72).
 
 use crate::Error;
 use crate::diagnosis::options::SearchOptions;
-use crate::diagnosis::score::scored::{Family, Judge, MOST_TIMES, Scored, is_data};
+use crate::diagnosis::score::scored::{Family, Judge, MOST_TIMES, Scored};
 use crate::estimate::at_fit::AtFit;
-use crate::estimate::{Fit, Implicit, Observations, Part, carry_over, fit};
+use crate::estimate::{Fit, Implicit, Observations, Part, carry_over};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
-use crate::numerics::symmetric::inverse_root;
 use crate::screening::steps::{Fitted, SIDE, StepScore, StepSums};
 use crate::terms;
 use crate::terms::targets::{self, searchable, targets_in};
@@ -20,18 +20,7 @@ use crate::terms::term::{Acts, Placed, Spot, Term};
 /// like a move.
 const EQUATIONS: usize = 3;
 
-/// True for what happened once, to a sensor or to a body.
-#[must_use]
-pub fn happened_once(instance: &Instance) -> bool {
-    instance.term.placed() == Placed::AtPose && !is_data(instance)
-}
-
-/// True for a body that moved once.
-#[must_use]
-pub fn is_move(instance: &Instance) -> bool {
-    moves_once(instance.term)
-}
-
+/// True for terms of a body that moved once.
 fn moves_once(term: &dyn Term) -> bool {
     term.placed() == Placed::AtPose
         && matches!(term.acts(), Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) | Acts::End)
@@ -133,7 +122,7 @@ impl<'a> Bodies<'a> {
     }
 
     /// The pose from which on a body is likelier to have moved than from that which the fit has, (159).
-    fn likelier(&self, body: usize, own: &Fitted) -> Option<Instance> {
+    pub(super) fn likelier(&self, body: usize, own: &Fitted) -> Option<Instance> {
         let mut best = (0.0, None);
         self.each_time(body, |instance, sums| {
             let rises = sums.in_place_of(own, &self.at.pull).unwrap_or(0.0);
@@ -171,10 +160,9 @@ impl<'a> Bodies<'a> {
         let none = || StepSums::new(self.at.rank(), extra);
         let (mut sums, mut last) = (none(), None);
         for (order, &pose) in live.iter().enumerate().rev() {
-            // What moved in one session has its place in that session; a sensor stays as it is.
+            // What happened in one session has its place in that session.
             let session = readings.session_of_pose.get(pose);
-            let new = last.replace(session).is_some_and(|later| later != session);
-            if new && is_move(&self.bodies[body]) {
+            if last.replace(session).is_some_and(|later| later != session) {
                 sums = none();
             }
             for e in poses[pose].iter().filter(counts).flat_map(|&row| self.at.equations(row)) {
@@ -189,51 +177,4 @@ impl<'a> Bodies<'a> {
             }
         }
     }
-}
-
-/// Moves of what happened once, at the most: after so many its time is the last, or there is none.
-const MOVES: usize = 3;
-
-/// A fit with what happened once at the time that is likeliest beside everything else, and what it is then: a
-/// fit without it lets other parameters take up a part, and may place it some poses off.
-///
-/// # Errors
-///
-/// As [`fit`].
-pub fn retimed(
-    observations: &Observations,
-    from: &Fit,
-    mut fitted: Fit,
-    mut instance: Instance,
-) -> Result<(Instance, Fit), Error> {
-    for _ in 0..MOVES {
-        let Some(there) = likelier_time(observations, &fitted, &instance)? else { break };
-        let others = fitted.model.instances.iter();
-        let instances = others.map(|i| if *i == instance { there } else { *i }).collect();
-        let moved = fit(observations, instances, Some(from))?;
-        if moved.cost() >= fitted.cost() {
-            break;
-        }
-        (instance, fitted) = (there, moved);
-    }
-    Ok((instance, fitted))
-}
-
-/// The pose from which on something is likelier to have happened than from that which a fit has.
-fn likelier_time(
-    observations: &Observations,
-    fit: &Fit,
-    instance: &Instance,
-) -> Result<Option<Instance>, Error> {
-    let Some(k) = fit.model.instances.iter().position(|i| i == instance) else { return Ok(None) };
-    let (first, width) = (fit.model.first[k], instance.width());
-    let at = AtFit::new(observations, fit);
-    let (root, ..) = inverse_root(&fit.gram);
-    let own = Fitted {
-        values: fit.beta[first..first + width].to_vec(),
-        covariance: at.inverse.submatrix(first, first, width, width).to_owned(),
-        root: root.submatrix(first, 0, width, root.ncols()).to_owned(),
-    };
-    let bodies = Bodies::of(&at, vec![*instance])?;
-    Ok(bodies.likelier(0, &own))
 }

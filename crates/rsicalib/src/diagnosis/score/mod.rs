@@ -9,3 +9,4 @@ pub mod projection;
 pub mod room;
 pub mod scan;
 pub mod scored;
+pub mod times;

@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use crate::Error;
 use crate::diagnosis::options::Rule;
 use crate::diagnosis::price::charge;
-use crate::diagnosis::score::bodies::retimed;
 use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data};
+use crate::diagnosis::score::times::{happened_once, retimed};
 use crate::diagnosis::score::{candidates, pairs};
 use crate::diagnosis::search::account::{Account, More};
 use crate::diagnosis::search::admissible::physical;
@@ -265,7 +265,10 @@ impl Beam<'_, '_> {
             let old = account.items.len();
             let mut found = refit(&session, before, items, old)?;
             if self.price(&found.1, &found.0, noise.as_ref()) < account.price {
-                found = at_likeliest_times(&session, before, found, old)?;
+                let there = at_likeliest_times(&session, before, found.clone(), old)?;
+                if self.admits(&there.0, &there.1) {
+                    found = there;
+                }
             }
             let ((items, mut fitted), mut noise) = (found, noise);
             if let Some(own) = noise {
@@ -324,7 +327,7 @@ fn at_likeliest_times(
     (mut items, mut fitted): (Vec<Scored>, Fit),
     old: usize,
 ) -> Result<(Vec<Scored>, Fit), Error> {
-    for item in items[old..].iter_mut().filter(|item| item.family.happened_once()) {
+    for item in items[old..].iter_mut().filter(|item| happened_once(&item.instance)) {
         (item.instance, fitted) = retimed(session, before, fitted, item.instance)?;
     }
     Ok((items, fitted))
