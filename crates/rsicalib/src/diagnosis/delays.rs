@@ -11,16 +11,18 @@
 //! ```
 //!
 //! with the residual `r` of equation `k` without, and `e'` with them, both in units of one noise. Each must pay for
-//! itself by (118), the one that explains most first. Slow servos, which have a delay of their own, are looked for
+//! itself by (118), the one that explains most first, and in the end by its covariance, which knows how rows resemble
+//! their neighbours. Slow servos, which have a delay of their own, are looked for
 //! beside delays; and what depends on the direction of motion, too, since a delay that stands for it alone is not kept.
 //! What else there is, is then searched for beside them.
 
 use crate::Error;
+use crate::diagnosis::long::rise;
 use crate::diagnosis::options::{LEVEL, SearchOptions};
 use crate::diagnosis::price::{charge, of_places};
 use crate::diagnosis::search::admissible::physical;
 use crate::diagnosis::search::outcome::{FoundEffect, Searched};
-use crate::estimate::{Fit, Implicit, Observations, Part, fit};
+use crate::estimate::{Fit, Implicit, Observations, Part, fit, widening};
 use crate::model::Instance;
 use crate::terms;
 use crate::terms::term::{Class, Needs, Placed, Term};
@@ -83,12 +85,30 @@ pub(crate) fn delays(
         kept.remove(k);
         here = explained.with(&kept, None)?;
     }
+    while let Some(k) = least_that_does_not_pay(&kept, &here) {
+        kept.remove(k);
+        here = explained.with(&kept, None)?;
+    }
     for k in 0..kept.len() {
         let one = kept.remove(k);
         let without = explained.with(&kept, None)?;
         kept.insert(k, FoundEffect { without, ..one });
     }
     Ok((!kept.is_empty()).then_some(Delays { found: kept, fit: here }))
+}
+
+/// The one that is worth least beside noise that resembles its neighbours, where that is nothing: changes of slow noise
+/// follow those of a motion by chance, and its rows say much less of a delay than as many others.
+fn least_that_does_not_pay(kept: &[FoundEffect], here: &Fit) -> Option<usize> {
+    let Fit { noise, p_value, chi2, dof, .. } = here;
+    // Of correlated noise alone: what else is left is searched for later.
+    let of_noise = widening(noise, *p_value, chi2 / dof) / noise.slow;
+    let worth = |step: &FoundEffect| {
+        let score = rise(here, &step.scored.instance) * of_noise;
+        score - charge(1.0, score) - of_places(step.scored.places)
+    };
+    let each = kept.iter().map(worth).enumerate();
+    each.filter(|(_, worth)| *worth <= 0.0).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
 }
 
 /// Effects by how they explain what changes from row to row.
