@@ -22,7 +22,8 @@ use crate::diagnosis::options::{LEVEL, SearchOptions};
 use crate::diagnosis::price::{charge, of_places};
 use crate::diagnosis::search::admissible::physical;
 use crate::diagnosis::search::outcome::{FoundEffect, Searched};
-use crate::estimate::{Fit, Implicit, Observations, Part, fit, widening};
+use crate::estimate::intervals::wider;
+use crate::estimate::{Fit, Implicit, Observations, Part, fit};
 use crate::model::Instance;
 use crate::terms;
 use crate::terms::term::{Class, Needs, Placed, Term};
@@ -100,15 +101,16 @@ pub(crate) fn delays(
 /// The one that is worth least beside noise that resembles its neighbours, where that is nothing: changes of slow noise
 /// follow those of a motion by chance, and its rows say much less of a delay than as many others.
 fn least_that_does_not_pay(kept: &[FoundEffect], here: &Fit) -> Option<usize> {
-    let Fit { noise, p_value, chi2, dof, .. } = here;
     // Of correlated noise alone: what else is left is searched for later.
-    let of_noise = widening(noise, *p_value, chi2 / dof) / noise.slow;
-    let worth = |step: &FoundEffect| {
-        let score = rise(here, &step.scored.instance) * of_noise;
-        score - charge(1.0, score) - of_places(step.scored.places)
-    };
+    let of_noise = wider(here) / here.noise.slow;
+    let worth = |step: &FoundEffect| paid(step, rise(here, &step.scored.instance) * of_noise);
     let each = kept.iter().map(worth).enumerate();
     each.filter(|(_, worth)| *worth <= 0.0).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
+}
+
+/// What a score leaves once an effect is paid: above zero it pays.
+fn paid(one: &FoundEffect, score: f64) -> f64 {
+    score - charge(1.0, score) - of_places(one.scored.places)
 }
 
 /// Effects by how they explain what changes from row to row.
@@ -129,11 +131,10 @@ impl Changes<'_> {
         fit(self.observations, instances, Some(self.clean))
     }
 
-    /// What an effect is worth between the fit without it and the fit with it: above zero it pays.
+    /// What an effect is worth between the fit without it and the fit with it.
     fn worth(&self, one: &FoundEffect, without: &Fit, with: &Fit) -> f64 {
         let of = |fit: &Fit| changes(self.observations, fit, self.clean);
-        let score = of(without) - of(with);
-        score - charge(1.0, score) - of_places(one.scored.places)
+        paid(one, of(without) - of(with))
     }
 
     /// The effects that pay beside those that are kept. The one that explains most comes first: what several

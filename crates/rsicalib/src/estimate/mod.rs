@@ -46,7 +46,6 @@ mod untouched;
 pub use algebraic::Algebraic;
 pub use by_group::{groups_along, numbered_groups, with_groups};
 pub use expected::{Expectation, Expected};
-pub(crate) use fit::widening;
 pub use fit::{carry_over, fit, free_parameters};
 pub use fitted::Fit;
 pub use implicit::{Implicit, Misfit};

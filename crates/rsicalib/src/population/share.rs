@@ -5,7 +5,8 @@ use faer::Mat;
 use crate::Error;
 use crate::diagnosis::calibrate::calibrate;
 use crate::estimate::directions::{ParameterReport, parameter_names};
-use crate::estimate::{Expected, Fit, FitOptions, Observations, fit, widening};
+use crate::estimate::intervals::wider;
+use crate::estimate::{Expected, Fit, FitOptions, Observations, fit};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::{Prior, bound_to_session};
 use crate::numerics::symmetric::invert;
@@ -81,7 +82,7 @@ fn without_priors(fit: &Fit) -> (Vec<f64>, Vec<f64>) {
             told[column] -= mean * precision;
         }
     }
-    let by = widening(&fit.noise, fit.p_value, fit.chi2 / fit.dof).recip();
+    let by = wider(fit).recip();
     let places = Mat::from_fn(n - m, n - m, |i, j| gram[(m + i, m + j)]);
     let cross = Mat::from_fn(m, n - m, |i, j| gram[(i, m + j)]);
     let through = &cross * invert(&places).0;

@@ -4,7 +4,7 @@ use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, Side};
 
 use crate::estimate::at_fit::add_scaled;
-use crate::numerics::symmetric::{VISIBLE, dot, inverse_above};
+use crate::numerics::symmetric::{VISIBLE, dot, inverse_above, invert};
 
 /// Rows on either side of a move: fewer are single samples.
 pub const SIDE: usize = 4;
@@ -117,7 +117,7 @@ impl StepSums {
         let (moved, taken) = (&inverse * &u, &own.root * &self.qz);
         let values = Mat::from_fn(own.values.len(), 1, |i, _| own.values[i]) + &taken * &moved;
         let covariance = &own.covariance + &taken * &inverse * taken.transpose();
-        let needed = values.transpose() * inverse_of(&covariance, &covariance)? * &values;
+        let needed = values.transpose() * invert(&covariance).0 * &values;
         Some(needed[(0, 0)] - (u.transpose() * &moved)[(0, 0)])
     }
 

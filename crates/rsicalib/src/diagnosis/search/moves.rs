@@ -309,13 +309,19 @@ fn refit(
     mut items: Vec<Scored>,
     old: usize,
 ) -> Result<(Vec<Scored>, Fit), Error> {
-    let mut fitted = with(session, before, &items[old..])?;
+    let with = |items: &[Scored]| {
+        let mut instances = before.model.instances.clone();
+        let new = items[old..].iter().map(|item| item.instance);
+        instances.extend(new.filter(|i| excluded_pose(i).is_none()));
+        fit(session, instances, Some(before))
+    };
+    let mut fitted = with(&items)?;
     for _ in 0..ORDER_MOVES {
         let moved = (old..items.len())
             .find_map(|k| nearest_place(&fitted, &items[k].instance).map(|place| (k, place)));
         let Some((k, place)) = moved else { break };
         items[k].instance.place = place;
-        fitted = with(session, before, &items[old..])?;
+        fitted = with(&items)?;
     }
     Ok((items, fitted))
 }
@@ -331,11 +337,4 @@ fn at_likeliest_times(
         (item.instance, fitted) = retimed(session, before, fitted, item.instance)?;
     }
     Ok((items, fitted))
-}
-
-/// The fit with more items.
-fn with(session: &Observations, before: &Fit, more: &[Scored]) -> Result<Fit, Error> {
-    let mut instances = before.model.instances.clone();
-    instances.extend(more.iter().map(|item| item.instance).filter(|i| excluded_pose(i).is_none()));
-    fit(session, instances, Some(before))
 }
