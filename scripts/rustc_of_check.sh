@@ -4,8 +4,9 @@
 # would check each dependency once more (docs/decisions/0011).
 #
 # Unit tests of the core are compiled without what costs more to compile than it saves to run: in eight units, without
-# optimisation across them, without vectors. Programs of tests beside it and benches are not optimised: these are not run. All
-# else is compiled as for the wheel.
+# optimisation across them, without vectors, and for this processor alone: hot loops are compiled once and not for each width.
+# The bindings, which hand values over, and programs of tests beside the core are not optimised, nor benches, which are not run.
+# All else is compiled as for the wheel: what is timed is built without this file.
 set -eu
 
 # clippy RUSTC ARGUMENTS...: a warning is an error. Nothing is kept.
@@ -37,8 +38,8 @@ esac
 
 case " $* " in
 *" --crate-name rsicalib "*" --test "*)
-    exec "$@" -C opt-level=2 -C lto=off -C codegen-units=8 -C no-vectorize-loops -C no-vectorize-slp
+    exec "$@" -C opt-level=2 -C lto=off -C codegen-units=8 -C no-vectorize-loops -C no-vectorize-slp -C target-cpu=native
     ;;
-*" --crate-name suite "* | *" --crate-name fuzz "* | *rsicalib_benches*) exec "$@" -C opt-level=0 ;;
+*" --crate-name suite "* | *" --crate-name fuzz "* | *" --crate-name _core "* | *rsicalib_benches*) exec "$@" -C opt-level=0 ;;
 *) exec "$@" ;;
 esac

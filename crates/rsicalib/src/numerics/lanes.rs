@@ -19,6 +19,10 @@ pub struct Lanes(pub [f64; WIDTH]);
 /// Only functions that are `#[inline(always)]` are compiled with these instructions.
 #[inline(always)]
 pub fn dispatch<R>(kernel: impl FnOnce() -> R) -> R {
+    // Code that is compiled for such a processor has these instructions everywhere.
+    if cfg!(all(target_feature = "avx2", target_feature = "fma")) {
+        return kernel();
+    }
     // pulp has AVX-512 too, by a feature that compiles faer's kernels once more for it as well:
     // minutes of a build, for matrices that are small here.
     #[cfg(target_arch = "x86_64")]
