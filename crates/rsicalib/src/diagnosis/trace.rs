@@ -305,11 +305,9 @@ fn explain(
     // In a motion the noise of neighbours is alike, which a smooth law would explain.
     let poses = !observations.readings.moves();
     let unknown = match (!lost || !steps.is_empty()) && (something || poses) {
-        true => averaged.unknown_law(&current, &said)?,
+        true => averaged.unknown_law(&current, &said, left_over)?,
         false => None,
     };
-    // Where nothing is found and nothing is left, the law must be likelier than chance.
-    let unknown = unknown.filter(|law| something || law.behind < 0.0);
     let Averaged { small, stretches, .. } = averaged;
     let of_all = |step: &FoundEffect| match &stretches {
         Some(stretches) => rise(&after, &stretches.in_all(&step.scored.instance)),

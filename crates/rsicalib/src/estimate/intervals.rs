@@ -16,6 +16,7 @@ use crate::estimate::options::Method;
 use crate::estimate::significance::NORMAL_95;
 use crate::model::{Model, Prior};
 use crate::numerics::distributions::student_quantile;
+use crate::numerics::linearization::Problem;
 use crate::numerics::lm::{self, SolverOptions};
 use crate::numerics::profile::{Along, OFF, ends};
 
@@ -81,6 +82,7 @@ fn of_problem(fit: &Fit, problem: &Implicit) -> Option<Vec<Option<[f64; 2]>>> {
     if !quantile.is_finite() || least.iterations > 1 {
         return None;
     }
+    let cost = problem.linearize(likeliest).cost;
     let map = reported_map(fit);
     let variances = covariance_as_reported(fit, &fit.covariance);
     let n = fit.model.parameters;
@@ -93,7 +95,7 @@ fn of_problem(fit: &Fit, problem: &Implicit) -> Option<Vec<Option<[f64; 2]>>> {
         let along = |i: usize| (0..n).map(|j| fit.covariance[(i, j)] * row[j]).sum::<f64>();
         let slope = (0..n).map(|i| along(i) / (sd * sd)).collect();
         let half = quantile * sd;
-        let found = ends(problem, likeliest, &Along { row, pivot: k, slope, half }, rise);
+        let found = ends(problem, likeliest, cost, &Along { row, pivot: k, slope, half }, rise);
         let [low, high] = found.unwrap_or([-half, half]);
         let same = |end: f64| (end.abs() / (NORMAL_95 * sd) - 1.0).abs() <= OFF;
         (!same(low) || !same(high)).then_some([low, high])

@@ -40,13 +40,20 @@ pub struct Along {
     pub half: f64,
 }
 
-/// Ends (151) of a combination at the minimum `x` of a problem, as differences from the estimate, low
-/// and high, where the cost there is higher by half of `rise`; infinite where it stays below. `None` where
+/// Ends (151) of a combination at the minimum `x` of a problem, whose `cost` is known, as differences from the
+/// estimate, low and high, where the cost there is higher by half of `rise`; infinite where it stays below. `None` where
 /// both are those of the linear interval, to 4.4 % of them.
 #[must_use]
-pub fn ends(problem: &impl Problem, x: &[f64], along: &Along, rise: f64) -> Option<[f64; 2]> {
-    let usable = along.half.is_finite() && along.half > 0.0 && rise.is_finite() && rise > 0.0;
-    let cost = usable.then(|| problem.linearize(x).cost).filter(|cost| cost.is_finite())?;
+pub fn ends(
+    problem: &impl Problem,
+    x: &[f64],
+    cost: f64,
+    along: &Along,
+    rise: f64,
+) -> Option<[f64; 2]> {
+    if !cost.is_finite() || ![along.half, rise].iter().all(|v| v.is_finite() && *v > 0.0) {
+        return None;
+    }
     let profile = Profile { problem, x, along, rise, cost };
     let up = profile.first(1.0);
     // What bends a cost to first order does so by as much on the other side.

@@ -13,6 +13,7 @@
 //! gain, which shrinks that closure to nothing beside the gain of the other: laws are orthogonal to it.
 
 use faer::{ColRef, Mat, MatRef};
+use nalgebra::linalg::SymmetricTridiagonal;
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::price::{Data, mean};
@@ -74,19 +75,13 @@ impl Errors {
         let usual = self.square.iter().sum::<f64>() / self.square.len().max(1) as f64;
         let mut found = Vec::with_capacity(SMOOTH.len() * law_amplitudes() as usize);
         for smooth in SMOOTH {
-            let scale = |j: usize| basis.degrees[j].powf(-smooth);
-            let of = DMatrix::from_fn(m, m, |i, j| square[(i, j)] * scale(i) * scale(j));
-            let eigen = of.symmetric_eigen();
-            let along =
-                eigen.eigenvectors.transpose() * DVector::from_fn(m, |j, _| gradient[j] * scale(j));
+            let scales: Vec<f64> = basis.degrees.iter().map(|d| d.powf(-smooth)).collect();
+            let of = DMatrix::from_fn(m, m, |i, j| square[(i, j)] * scales[i] * scales[j]);
+            let scaled = DVector::from_fn(m, |j, _| gradient[j] * scales[j]);
+            let ridge = Ridge::of(of, &scaled);
             for k in 0..law_amplitudes() {
                 let tau2 = 4.0_f64.powi(k) / (16.0 * usual);
-                let (mut fall, mut spread) = (0.0, 0.0);
-                for (value, u) in eigen.eigenvalues.iter().zip(&along) {
-                    let more = tau2 * value.max(0.0);
-                    fall += tau2 * u * u / (1.0 + more);
-                    spread += more.ln_1p();
-                }
+                let (fall, spread) = ridge.at(tau2);
                 let price = data.of((chi2 - fall).max(0.0)) - data.of(chi2) + spread;
                 found.push((price, fall, smooth, tau2));
             }
@@ -147,6 +142,36 @@ impl Errors {
     pub(super) fn entry(&self, a: &Column, b: &Column) -> f64 {
         let both = a.values.iter().zip(&b.values).zip(&self.square);
         both.map(|((a, b), square)| a * b * square).sum::<f64>() - dot(&a.taken, &b.taken)
+    }
+}
+
+/// `M = Q T Qᵀ` with a tridiagonal `T`, and `Qᵀ u`: what (115) has of every amplitude.
+struct Ridge {
+    diagonal: DVector<f64>,
+    beside: DVector<f64>,
+    along: DVector<f64>,
+}
+
+impl Ridge {
+    fn of(m: DMatrix<f64>, u: &DVector<f64>) -> Self {
+        let (q, diagonal, beside) = SymmetricTridiagonal::new(m).unpack();
+        Self { diagonal, beside, along: q.tr_mul(u) }
+    }
+
+    /// `Σ τ² u_k² / (1 + τ² m_k)` and `Σ ln(1 + τ² m_k)`, by the factors `L D Lᵀ` of `I + τ² T`.
+    fn at(&self, tau2: f64) -> (f64, f64) {
+        let (mut fall, mut spread) = (0.0, 0.0);
+        let (mut pivot, mut y) = (1.0, 0.0);
+        for (k, u) in self.along.iter().enumerate() {
+            let beside = if k > 0 { tau2 * self.beside[k - 1] } else { 0.0 };
+            let factor = beside / pivot;
+            // No less than 1, but for rounding: `M` has no negative direction.
+            pivot = (1.0 + tau2 * self.diagonal[k] - factor * beside).max(1.0);
+            y = u - factor * y;
+            fall += tau2 * y * y / pivot;
+            spread += pivot.ln();
+        }
+        (fall, spread)
     }
 }
 

@@ -139,9 +139,20 @@ impl Beside<'_> {
     }
 }
 
+/// The likeliest laws in place of some effects, of one channel.
+struct Weighed {
+    gone: Vec<Scored>,
+    /// The fit without these effects, and its price.
+    fit: Fit,
+    price: f64,
+    variables: Vec<Variable>,
+    scan: Scan,
+}
+
 impl Averaged<'_> {
     /// The likeliest law that no term has, beside or in place of what was found; none where it is less
-    /// likely than what was found by more than [`RIVAL`], and something was found.
+    /// likely than what was found by more than [`RIVAL`]. Where nothing was found it must be likelier than
+    /// chance, unless more than noise is `left`.
     ///
     /// # Errors
     ///
@@ -150,6 +161,7 @@ impl Averaged<'_> {
         &self,
         current: &Fit,
         found: &[Scored],
+        left: bool,
     ) -> Result<Option<UnknownLaw>, Error> {
         let weights = &self.small.weights;
         let rows: Vec<usize> = (0..weights.len()).filter(|&row| weights[row] > 0.0).collect();
@@ -162,58 +174,69 @@ impl Averaged<'_> {
         if effects.len() > 1 {
             replaced.extend(effects.iter().map(|s| vec![*s]));
         }
-        let of_found = self.said_of(current) + paid(found);
-        let mut best: Option<UnknownLaw> = None;
+        let mut best: Option<Weighed> = None;
         for gone in replaced {
             // A law over torque holds what a load does: it is priced as that load, and what is beyond.
             let over = |q: Quantity| gone.iter().any(|s| is_over(&s.instance, q));
             let (held, others): (Vec<Scored>, Vec<Scored>) =
                 gone.iter().partition(|s| s.instance.term.info().needs != Needs::Nothing);
-            let mut fits = vec![(gone.clone(), (!held.is_empty()).then_some(false))];
+            let mut kept = vec![(gone.clone(), (!held.is_empty()).then_some(false))];
             if !held.is_empty() {
-                fits.push((others, Some(true)));
+                kept.push((others, Some(true)));
             }
-            let mut beside = Vec::with_capacity(fits.len());
-            for (without, holding) in fits {
+            let mut fits = Vec::with_capacity(kept.len());
+            for (without, holding) in kept {
                 let fit = self.without(current, &instances(&without))?;
                 let price = self.said_of(&fit) + paid(found) - paid(&without);
-                beside.push((fit, price, holding));
+                fits.push((fit, price, holding));
             }
-            let beside: Vec<Beside> = beside
+            let beside: Vec<Beside> = fits
                 .iter()
-                .map(|(fit, price, holding)| {
-                    let at = AtFit::new(&self.small, fit);
-                    Beside { at, chi2: fit.cost(), price: *price, holding: *holding }
-                })
+                .map(|(fit, price, holding)| self.beside(fit, *price, *holding))
                 .collect();
             let variables = variables(&beside[0].at, &rows)?;
             let scan = likeliest(&beside, &rows, &variables, &over, &self.data);
             let Some(scan) = scan else { continue };
-            if best.as_ref().is_none_or(|b| scan.price < b.price) {
-                let on = depends_on(&scan, &variables);
-                let behind = scan.price - of_found;
-                // What is far less likely than what was found is not said.
-                let formula = || formula_of(&beside[0], &rows, &scan, &variables, &self.data);
-                let written = (behind <= RIVAL).then(formula).flatten();
-                let mut errors = vec![0.0; weights.len()];
-                rows.iter().zip(&scan.likeliest.errors).for_each(|(&row, e)| errors[row] = *e);
-                best = Some(UnknownLaw {
-                    target: Target::Channel(scan.channel),
-                    replaces: instances(&gone),
-                    price: scan.price,
-                    behind,
-                    size: scan.likeliest.size()
-                        * self.small.mechanism.channels[scan.channel].gain.abs(),
-                    told: scan.likeliest.told,
-                    left: beside[0].chi2 - scan.fall,
-                    written,
-                    errors,
-                    depends_on: on.iter().map(|on| on.named(&self.small)).collect(),
-                    variables: on.into_iter().map(|on| (on.quantity, on.also)).collect(),
-                });
+            if best.as_ref().is_none_or(|b| scan.price < b.scan.price) {
+                let (fit, price, _) = fits.swap_remove(0);
+                best = Some(Weighed { gone, fit, price, variables, scan });
             }
         }
-        Ok(best.filter(|law| effects.is_empty() || law.behind <= RIVAL))
+        let Some(Weighed { gone, fit, price, variables, scan }) = best else { return Ok(None) };
+        let behind = scan.price - self.said_of(current) - paid(found);
+        let farthest = match (effects.is_empty(), left) {
+            (false, _) => RIVAL,
+            (true, true) => f64::INFINITY,
+            (true, false) => 0.0,
+        };
+        if behind > farthest {
+            return Ok(None);
+        }
+        // What does not fit as well is not said.
+        let beside = self.beside(&fit, price, None);
+        let formula = || formula_of(&beside, &rows, &scan, &variables, &self.data);
+        let written = (behind <= AS_WELL).then(formula).flatten();
+        let on = depends_on(&scan, &variables);
+        let mut errors = vec![0.0; weights.len()];
+        rows.iter().zip(&scan.likeliest.errors).for_each(|(&row, e)| errors[row] = *e);
+        Ok(Some(UnknownLaw {
+            target: Target::Channel(scan.channel),
+            replaces: instances(&gone),
+            price: scan.price,
+            behind,
+            size: scan.likeliest.size() * self.small.mechanism.channels[scan.channel].gain.abs(),
+            told: scan.likeliest.told,
+            left: fit.cost() - scan.fall,
+            written,
+            errors,
+            depends_on: on.iter().map(|on| on.named(&self.small)).collect(),
+            variables: on.into_iter().map(|on| (on.quantity, on.also)).collect(),
+        }))
+    }
+
+    /// Laws beside a fit of this price.
+    fn beside<'b>(&'b self, fit: &'b Fit, price: f64, holding: Option<bool>) -> Beside<'b> {
+        Beside { at: AtFit::new(&self.small, fit), chi2: fit.cost(), price, holding }
     }
 }
 
