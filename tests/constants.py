@@ -33,12 +33,11 @@ ROOT = Path(__file__).parents[1]
 CORE = ROOT / "crates" / "rsicalib" / "src"
 DECLARED = re.compile(r"fn (\w+)\(\) -> (f64|usize|i32) = ([\d.e-]+);")
 
-PRIORS = ("named", "periodic", "free", "slip", "moved", "bad")
+PRIORS = ("named", "periodic", "free", "once", "bad")
 OUT = {
-    "all `prior_of_…` alike": ",".join(f"prior_of_{kind}={1 / len(PRIORS):.4f}" for kind in PRIORS),
+    "all `prior_of_…` alike": ",".join(f"prior_of_{kind}={1 / 6:.4f}" for kind in PRIORS),
     "`more`": "more=1",
     "`amplitudes`": "amplitudes=1",
-    "`room_least`, `room_share`": "room_least=0,room_share=0",
     "`largest_effect`": "largest_effect=1e9",
     "`largest_misclosure`": "largest_misclosure=1e9",
     "`degree`": "degree=1",

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 import rsicalib
+from rsicalib.errors import InputError
 from tests.full import sized
 from tests.machines import following
 from tests.machines.following import FINE, NAME, Truth
@@ -47,6 +50,9 @@ def test_a_delay_of_all_is_one_effect_of_its_size(seed: int, delay: float) -> No
     # 0.3 percent of noise; before, a delay of a third of a row leaves 0.5.
     assert found.after.rms_misclosure < 0.45 < found.before.rms_misclosure
     assert found.verdict == "explained"
+    # A watch judges each row by itself.
+    with pytest.raises(InputError, match=f"lag of {re.escape(NAME)}.* move the columns"):
+        list(rsicalib.watch(recording(seed, Truth()), found, "so101"))
 
 
 @pytest.mark.parametrize("seed", sized([710], [710, 711, 712]))

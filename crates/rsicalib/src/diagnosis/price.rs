@@ -47,20 +47,14 @@ stated! {
     fn prior_of_periodic() -> f64 = 0.04;
     /// The same of a free shape.
     fn prior_of_free() -> f64 = 0.08;
-    /// The same of a slip.
-    fn prior_of_slip() -> f64 = 0.12;
-    /// The same of what moved.
-    fn prior_of_moved() -> f64 = 0.04;
+    /// The same of what happened once, for each of both kinds: a slip, and a move.
+    fn prior_of_once() -> f64 = 0.08;
     /// The same of a wrong reading.
     fn prior_of_bad() -> f64 = 0.18;
     /// Probability that there is one more effect, where there is one.
     fn more() -> f64 = 0.25;
     /// Amplitudes that an effect may have: doublings of that which noise alone would give it.
     fn amplitudes() -> i32 = 12;
-    /// What refitting may change of a first-order score, at the least.
-    fn room_least() -> f64 = 4.0;
-    /// The same, as a part of the score.
-    fn room_share() -> f64 = 0.15;
 }
 
 /// The prior of a kind of item.
@@ -70,8 +64,7 @@ pub fn prior(kind: Family) -> f64 {
         Family::Named => prior_of_named(),
         Family::Periodic => prior_of_periodic(),
         Family::Free => prior_of_free(),
-        Family::Slip => prior_of_slip(),
-        Family::Moved => prior_of_moved(),
+        Family::Slip | Family::Moved => prior_of_once(),
         Family::Bad => prior_of_bad(),
     }
 }
@@ -138,12 +131,6 @@ pub fn mean(prices: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
         all += weight;
     }
     least - 2.0 * (sum / all).ln()
-}
-
-/// Scores are first order: this much refitting may change.
-#[must_use]
-pub fn room(score: f64) -> f64 {
-    room_least() + room_share() * score
 }
 
 /// What tells the scale of the noise.

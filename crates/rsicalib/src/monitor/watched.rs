@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::apply::earlier::{Applied, Under};
+use crate::apply::earlier::{Applied, Reported, Under};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Spec;
 use crate::monitor::alarm::Change;
@@ -89,9 +89,9 @@ impl Watched {
         more: &[Spec],
     ) -> Result<Self, Error> {
         refuse(mechanism)?;
+        refuse_context(mechanism, applied)?;
         let terms: Vec<Spec> = specs.iter().chain(more).cloned().collect();
         let under = Under::with_terms(mechanism, applied, spread(mechanism, applied), &terms)?;
-        refuse_context(&under)?;
         let internal = internal_covariance(&under, covariance)?;
         let model = &under.model;
         let mut order: Vec<usize> =
@@ -303,12 +303,25 @@ fn refuse(mechanism: &Mechanism) -> Result<(), Error> {
 }
 
 /// Refuses terms that need more than one row.
-fn refuse_context(under: &Under) -> Result<(), Error> {
-    for instance in &under.model.instances {
+fn refuse_context(mechanism: &Mechanism, applied: &Applied) -> Result<(), Error> {
+    for Reported { spec, .. } in &applied.parameters {
+        let term = terms::find_in(mechanism, &spec.term)?;
         let of_more = |needs: &Needs| needs.of_way() || *needs == Needs::Temperature;
-        if let Some(needs) = instance.term.needs().into_iter().find(of_more) {
-            return Err(Error::Context { term: instance.term.info().id, needs: needs.words() });
+        if !term.needs().iter().any(of_more) {
+            continue;
         }
+        let next = match term.is_late() {
+            true => "move the columns by the delay, calibrate these, and watch columns moved alike",
+            false => "calibrate or trace without it",
+        };
+        return Err(Error::Option {
+            name: "calibration",
+            found: match &spec.target {
+                Some(target) => format!("{} of {target}", spec.term),
+                None => spec.term.clone(),
+            },
+            expected: format!("terms that every row tells by itself: {next}"),
+        });
     }
     Ok(())
 }

@@ -13,7 +13,7 @@ use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, MatRef, Side};
 
 use crate::Error;
-use crate::diagnosis::price::{of_places, room};
+use crate::diagnosis::price::of_places;
 use crate::diagnosis::score::projection::{self, Projected};
 use crate::diagnosis::score::scored::{self, Family, Judge, Scored};
 use crate::estimate::{Fit, Observations};
@@ -42,7 +42,7 @@ impl Pair {
 const APART: f64 = 1e-3;
 
 /// Scores all pairs of named candidates, of which each stands out beside the other, that are worth
-/// more than `needed` once paid for, with `room` for what a refit may change of a score.
+/// more than `needed` once paid for.
 ///
 /// # Errors
 ///
@@ -78,7 +78,7 @@ pub fn pairs(
             score,
         };
         let stands = pair.both.iter().all(|one| one.charged() > 0.0);
-        (stands && pair.charged() + room(score) > needed)
+        (stands && pair.charged() > needed)
             .then(|| Pair { both: pair.both.map(|one| one.judged(judge)), ..pair })
     };
     let units = &together.units;

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use crate::Error;
 use crate::diagnosis::averaged::Averaged;
-use crate::diagnosis::price::{Family, Said, by_price, charge, room};
+use crate::diagnosis::price::{Family, Said, by_price, charge};
 use crate::diagnosis::score::scan;
 use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data, one_place_each, paid};
 use crate::diagnosis::search::account::Account;
@@ -57,9 +57,9 @@ impl Beam<'_, '_> {
         Cow::Owned(session)
     }
 
-    /// The least price that an explanation with one more item may have: scores are first order.
-    pub(super) fn at_best(&self, account: &Account, item: &Scored) -> f64 {
-        self.with_score(account, item.score + room(item.score)) + account.paid_with(item)
+    /// The price of an explanation with one more item, by its first-order score.
+    pub(super) fn price_with(&self, account: &Account, item: &Scored) -> f64 {
+        self.with_score(account, item.score) + account.paid_with(item)
     }
 
     /// The price of an explanation of which χ² falls by a score.
@@ -75,9 +75,8 @@ impl Beam<'_, '_> {
         let account = &self.accounts[of];
         let scored = self.scores(account)?;
         let limit = account.price + RIVAL;
-        let priced = |s: &Scored| self.with_score(account, s.score) + account.paid_with(s);
-        let near = scored.into_iter().filter(|s| self.at_best(account, s) < limit);
-        let mut order: Vec<(f64, Scored)> = near.map(|s| (priced(&s), s)).collect();
+        let priced = scored.into_iter().map(|s| (self.price_with(account, &s), s));
+        let mut order: Vec<(f64, Scored)> = priced.filter(|(price, _)| *price < limit).collect();
         order.sort_by(|a, b| by_price(a.0, b.0));
         let mut scored: Vec<Scored> = order.into_iter().map(|(_, s)| s).collect();
         // Neighbouring orders, and times, are one candidate.

@@ -170,6 +170,6 @@ impl<'s, 'a> Beam<'s, 'a> {
         let Some(scored) = &account.scored else { return true };
         account.items.len() < self.averaged.search.most
             && account.tried < scored.len().min(MOST_REFITS)
-            && self.at_best(account, &scored[account.tried]) < limit
+            && self.price_with(account, &scored[account.tried]) < limit
     }
 }

@@ -54,7 +54,7 @@ impl Beam<'_, '_> {
         Ok(self.accounts.len() - 1)
     }
 
-    /// Adds one item to an explanation, those first that may be within the limit.
+    /// Adds one item to an explanation, those within the limit by their scores.
     pub(super) fn grow(&mut self, of: usize, limit: f64) -> Result<(), Error> {
         self.scan(of)?;
         let account = &self.accounts[of];
@@ -65,7 +65,7 @@ impl Beam<'_, '_> {
         let left = MOST_REFITS.saturating_sub(account.tried);
         let rest = scored.iter().skip(account.tried).take(left);
         let likely: Vec<More> = rest
-            .take_while(|s| self.at_best(account, s) < limit)
+            .take_while(|s| self.price_with(account, s) < limit)
             .map(|s| More::Items(vec![*s]))
             .collect();
         self.accounts[of].tried += likely.len();
@@ -107,8 +107,8 @@ impl Beam<'_, '_> {
         };
         let Some(first) = likeliest(&self.accounts[of]) else { return Ok(()) };
         let limit = best + RIVAL;
-        // The second is as likely as the first at best.
-        let each = self.at_best(&self.accounts[of], &first) - self.accounts[of].price;
+        // The second is as likely as the first at the most.
+        let each = self.price_with(&self.accounts[of], &first) - self.accounts[of].price;
         if self.accounts[of].price + 2.0 * each > limit {
             return Ok(());
         }
