@@ -4,9 +4,9 @@
 # would check each dependency once more (docs/decisions/0011).
 #
 # Unit tests of the core are compiled without what costs more to compile than it saves to run: in eight units, without
-# optimisation across them, without vectors, and for this processor alone: hot loops are compiled once and not for each width.
-# The bindings, which hand values over, and programs of tests beside the core are not optimised, nor benches, which are not run.
-# All else is compiled as for the wheel: what is timed is built without this file.
+# optimisation across them, without vectors, and for this processor alone: hot loops are compiled once and not for each width,
+# which programs of tests beside the core and Python's tests try. The bindings, which hand values over, and programs of tests
+# beside the core are not optimised, nor benches, which are not run. All else is compiled as for the wheel.
 set -eu
 
 # clippy RUSTC ARGUMENTS...: a warning is an error. Nothing is kept.
@@ -40,6 +40,7 @@ case " $* " in
 *" --crate-name rsicalib "*" --test "*)
     exec "$@" -C opt-level=2 -C lto=off -C codegen-units=8 -C no-vectorize-loops -C no-vectorize-slp -C target-cpu=native
     ;;
-*" --crate-name suite "* | *" --crate-name fuzz "* | *" --crate-name _core "* | *rsicalib_benches*) exec "$@" -C opt-level=0 ;;
+*" --crate-name _core "*) exec "$@" -C opt-level=0 -C debug-assertions=off ;;
+*" --crate-name suite "* | *" --crate-name fuzz "* | *rsicalib_benches*) exec "$@" -C opt-level=0 ;;
 *) exec "$@" ;;
 esac

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Tests of the core, its documentation, and what clippy says of every crate but the bindings, which `build` compiles. Tests
-# have the profile of the wheel and, with the whole workspace, its features, so that all have the same dependencies. Benches are
+# Tests of the core, its documentation, and what clippy says of every crate but the bindings, which `build` compiles.
+# Dependencies have the profile of the wheel and, with the whole workspace, its features: all have the same. Benches are
 # compiled and read, not run.
 set -eu
 cd "$(dirname "$0")/.."

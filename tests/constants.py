@@ -34,8 +34,10 @@ CORE = ROOT / "crates" / "rsicalib" / "src"
 DECLARED = re.compile(r"fn (\w+)\(\) -> (f64|usize|i32) = ([\d.e-]+);")
 
 PRIORS = ("named", "periodic", "free", "once", "bad")
+KINDS = len(PRIORS) + 1
+"""Kinds of candidates: what happened once are two."""
 OUT = {
-    "all `prior_of_…` alike": ",".join(f"prior_of_{kind}={1 / 6:.4f}" for kind in PRIORS),
+    "all `prior_of_…` alike": ",".join(f"prior_of_{kind}={1 / KINDS:.4f}" for kind in PRIORS),
     "`more`": "more=1",
     "`amplitudes`": "amplitudes=1",
     "`largest_effect`": "largest_effect=1e9",

@@ -50,9 +50,12 @@ def test_a_delay_of_all_is_one_effect_of_its_size(seed: int, delay: float) -> No
     # 0.3 percent of noise; before, a delay of a third of a row leaves 0.5.
     assert found.after.rms_misclosure < 0.45 < found.before.rms_misclosure
     assert found.verdict == "explained"
-    # A watch judges each row by itself.
-    with pytest.raises(InputError, match=f"lag of {re.escape(NAME)}.* move the columns"):
-        list(rsicalib.watch(recording(seed, Truth()), found, "so101"))
+
+
+def test_a_watch_under_a_delay_is_refused_and_says_what_to_do() -> None:
+    found = rsicalib.trace(recording(702, Truth(delay=0.14)), "so101")
+    with pytest.raises(InputError, match=rf"lag of {re.escape(NAME)}.* move its columns by"):
+        rsicalib.Monitor(found, "so101")
 
 
 @pytest.mark.parametrize("seed", sized([710], [710, 711, 712]))

@@ -47,7 +47,7 @@ stated! {
     fn prior_of_periodic() -> f64 = 0.04;
     /// The same of a free shape.
     fn prior_of_free() -> f64 = 0.08;
-    /// The same of what happened once, for each of both kinds: a slip, and a move.
+    /// The same of a slip, and of a move.
     fn prior_of_once() -> f64 = 0.08;
     /// The same of a wrong reading.
     fn prior_of_bad() -> f64 = 0.18;

@@ -52,9 +52,9 @@ impl Monitor {
     /// # Errors
     ///
     /// [`Error::Missing`] for a mechanism whose loops are not closed in every sample: with unknown
-    /// points or measured distances; [`Error::Context`] for a calibration with a term that
-    /// needs more than one row of readings; [`Error::Shape`] for a calibration without a
-    /// covariance, or with another number of parameters; [`Error::Option`] for options that cannot be used;
+    /// points or measured distances; [`Error::Option`] for a calibration with a term that the channels of one row
+    /// do not tell, and for options that cannot be used; [`Error::Shape`] for a calibration without a
+    /// covariance, or with another number of parameters;
     /// else as [`crate::apply::earlier::platform_poses`].
     pub fn new(
         mechanism: &Mechanism,

@@ -2,9 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::apply::earlier::{Applied, Reported, Under};
+use crate::apply::earlier::{Applied, Under};
 use crate::mechanism::{Mechanism, Target};
-use crate::model::Spec;
+use crate::model::{Spec, is_unknown_thing};
 use crate::monitor::alarm::Change;
 use crate::monitor::drift::Drift;
 use crate::monitor::factor::{Factor, Multiplied, factors, gains};
@@ -302,25 +302,25 @@ fn refuse(mechanism: &Mechanism) -> Result<(), Error> {
     Err(Error::Missing { mechanism: mechanism.name.clone(), needs, why })
 }
 
-/// Refuses terms that need more than one row.
+/// Refuses terms that the channels of one row do not tell.
 fn refuse_context(mechanism: &Mechanism, applied: &Applied) -> Result<(), Error> {
-    for Reported { spec, .. } in &applied.parameters {
+    let known = applied.parameters.iter().map(|one| &one.spec);
+    for spec in known.filter(|spec| !is_unknown_thing(&spec.term)) {
         let term = terms::find_in(mechanism, &spec.term)?;
         let of_more = |needs: &Needs| needs.of_way() || *needs == Needs::Temperature;
-        if !term.needs().iter().any(of_more) {
-            continue;
-        }
-        let next = match term.is_late() {
-            true => "move the columns by the delay, calibrate these, and watch columns moved alike",
+        let Some(needs) = term.needs().into_iter().find(of_more) else { continue };
+        // A slow servo rounds corners, too, which no move of its column undoes.
+        let next = match term.is_late() && !term.cuts_corners() {
+            true => {
+                "move its columns by the delay, in these readings and in those of the calibration"
+            }
             false => "calibrate or trace without it",
         };
+        let target = spec.target.as_ref().map_or(String::new(), |target| format!(" of {target}"));
         return Err(Error::Option {
             name: "calibration",
-            found: match &spec.target {
-                Some(target) => format!("{} of {target}", spec.term),
-                None => spec.term.clone(),
-            },
-            expected: format!("terms that every row tells by itself: {next}"),
+            found: format!("{}{target}, which needs {}", spec.term, needs.words()),
+            expected: format!("terms that the channels of one row tell: {next}"),
         });
     }
     Ok(())

@@ -14,12 +14,12 @@ pub const WIDTH: usize = 8;
 #[repr(align(64))]
 pub struct Lanes(pub [f64; WIDTH]);
 
-/// Runs `kernel` with the widest vector instructions of this processor.
+/// Runs `kernel` with the widest vector instructions of this processor; a program that is compiled for AVX2 and
+/// FMA runs with what it is compiled for.
 ///
 /// Only functions that are `#[inline(always)]` are compiled with these instructions.
 #[inline(always)]
 pub fn dispatch<R>(kernel: impl FnOnce() -> R) -> R {
-    // Code that is compiled for such a processor has these instructions everywhere.
     if cfg!(all(target_feature = "avx2", target_feature = "fma")) {
         return kernel();
     }

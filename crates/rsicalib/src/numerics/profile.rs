@@ -40,8 +40,8 @@ pub struct Along {
     pub half: f64,
 }
 
-/// Ends (151) of a combination at the minimum `x` of a problem, whose `cost` is known, as differences from the
-/// estimate, low and high, where the cost there is higher by half of `rise`; infinite where it stays below. `None` where
+/// Ends (151) of a combination at the minimum `x` of a problem, where it costs `cost`, as differences from the
+/// estimate, low and high, where the cost is higher by half of `rise`; infinite where it stays below. `None` where
 /// both are those of the linear interval, to 4.4 % of them.
 #[must_use]
 pub fn ends(

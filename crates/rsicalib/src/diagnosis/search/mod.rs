@@ -4,7 +4,7 @@
 //! every one within [`RIVAL`] of the best are. Neighbours of an explanation are it with one item more or
 //! less, with two more, with one for one, one for two and two for one or two: whatever is said of what
 //! is left when none, one or two of its items are taken away. Of what is added the first-order score, (71)
-//! and (72), says what its price would be; what cannot be among the best is not refitted.
+//! and (72), says what its price would be; what would not be among the best by that is not refitted.
 
 mod account;
 pub(crate) mod admissible;

@@ -107,7 +107,7 @@ impl Beam<'_, '_> {
         };
         let Some(first) = likeliest(&self.accounts[of]) else { return Ok(()) };
         let limit = best + RIVAL;
-        // The second is as likely as the first at the most.
+        // The second is taken to be as likely as the first.
         let each = self.price_with(&self.accounts[of], &first) - self.accounts[of].price;
         if self.accounts[of].price + 2.0 * each > limit {
             return Ok(());

@@ -145,17 +145,18 @@ impl Errors {
     }
 }
 
-/// `M = Q T Qᵀ` with a tridiagonal `T`, and `Qᵀ u`: what (115) has of every amplitude.
+/// `M = Q T Qᵀ` with a tridiagonal `T`, and `Qᵀ u`: the sums of (115) are those of `I + τ² T`, at every amplitude,
+/// and need no eigenvalues.
 struct Ridge {
     diagonal: DVector<f64>,
-    beside: DVector<f64>,
+    off_diagonal: DVector<f64>,
     along: DVector<f64>,
 }
 
 impl Ridge {
     fn of(m: DMatrix<f64>, u: &DVector<f64>) -> Self {
-        let (q, diagonal, beside) = SymmetricTridiagonal::new(m).unpack();
-        Self { diagonal, beside, along: q.tr_mul(u) }
+        let (q, diagonal, off_diagonal) = SymmetricTridiagonal::new(m).unpack();
+        Self { diagonal, off_diagonal, along: q.tr_mul(u) }
     }
 
     /// `Σ τ² u_k² / (1 + τ² m_k)` and `Σ ln(1 + τ² m_k)`, by the factors `L D Lᵀ` of `I + τ² T`.
@@ -163,10 +164,10 @@ impl Ridge {
         let (mut fall, mut spread) = (0.0, 0.0);
         let (mut pivot, mut y) = (1.0, 0.0);
         for (k, u) in self.along.iter().enumerate() {
-            let beside = if k > 0 { tau2 * self.beside[k - 1] } else { 0.0 };
-            let factor = beside / pivot;
+            let entry = if k > 0 { tau2 * self.off_diagonal[k - 1] } else { 0.0 };
+            let factor = entry / pivot;
             // No less than 1, but for rounding: `M` has no negative direction.
-            pivot = (1.0 + tau2 * self.diagonal[k] - factor * beside).max(1.0);
+            pivot = (1.0 + tau2 * self.diagonal[k] - factor * entry).max(1.0);
             y = u - factor * y;
             fall += tau2 * y * y / pivot;
             spread += pivot.ln();

@@ -58,7 +58,8 @@ pub struct UnknownLaw {
     pub(crate) told: f64,
     /// χ² that it leaves.
     pub(crate) left: f64,
-    /// A formula that does as well; none where none does, or where formulas do not know its variables.
+    /// A formula that does as well; none where none does, where formulas do not know its variables, or where the
+    /// law does not fit as well as what was found.
     pub written: Option<Written>,
 }
 
@@ -152,7 +153,7 @@ struct Weighed {
 impl Averaged<'_> {
     /// The likeliest law that no term has, beside or in place of what was found; none where it is less
     /// likely than what was found by more than [`RIVAL`]. Where nothing was found it must be likelier than
-    /// chance, unless more than noise is `left`.
+    /// chance, unless more than noise is `left_over`.
     ///
     /// # Errors
     ///
@@ -161,7 +162,7 @@ impl Averaged<'_> {
         &self,
         current: &Fit,
         found: &[Scored],
-        left: bool,
+        left_over: bool,
     ) -> Result<Option<UnknownLaw>, Error> {
         let weights = &self.small.weights;
         let rows: Vec<usize> = (0..weights.len()).filter(|&row| weights[row] > 0.0).collect();
@@ -204,17 +205,19 @@ impl Averaged<'_> {
         }
         let Some(Weighed { gone, fit, price, variables, scan }) = best else { return Ok(None) };
         let behind = scan.price - self.said_of(current) - paid(found);
-        let farthest = match (effects.is_empty(), left) {
-            (false, _) => RIVAL,
-            (true, true) => f64::INFINITY,
-            (true, false) => 0.0,
+        let near = match (effects.is_empty(), left_over) {
+            (false, _) => behind <= RIVAL,
+            (true, true) => true,
+            (true, false) => behind < 0.0,
         };
-        if behind > farthest {
+        if !near {
             return Ok(None);
         }
-        // What does not fit as well is not said.
-        let beside = self.beside(&fit, price, None);
-        let formula = || formula_of(&beside, &rows, &scan, &variables, &self.data);
+        // A report has the formula of a law that ties.
+        let formula = || {
+            let beside = self.beside(&fit, price, None);
+            formula_of(&beside, &rows, &scan, &variables, &self.data)
+        };
         let written = (behind <= AS_WELL).then(formula).flatten();
         let on = depends_on(&scan, &variables);
         let mut errors = vec![0.0; weights.len()];
