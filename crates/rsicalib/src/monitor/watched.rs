@@ -319,7 +319,7 @@ fn refuse_context(mechanism: &Mechanism, applied: &Applied) -> Result<(), Error>
         let target = spec.target.as_ref().map_or(String::new(), |target| format!(" of {target}"));
         return Err(Error::Option {
             name: "calibration",
-            found: format!("{}{target}, which needs {}", spec.term, needs.words()),
+            found: format!("{}{target} (needs {})", spec.term, needs.words()),
             expected: format!("terms that the channels of one row tell: {next}"),
         });
     }
