@@ -143,6 +143,12 @@ impl Steps {
         let sizes = (3..=rows / FEWEST).filter(|size| rows.is_multiple_of(*size));
         sizes.into_iter().find(|&size| {
             let groups = || (0..rows).step_by(size).map(|start| start..start + size);
+            let between = self.0[size - 1..].iter().step_by(size).copied();
+            let between = between.fold(f64::INFINITY, f64::min);
+            // A group reaches as far as its largest step: most sizes are out by that.
+            if between <= groups().map(|group| self.within(&group)).fold(0.0, f64::max) {
+                return false;
+            }
             let reach = |(c, whole): (usize, &f64)| {
                 let widest = groups().map(|group| span(raw.part(&group, c))).fold(0.0, f64::max);
                 (*whole > 0.0).then(|| (widest / whole, c, *whole))
@@ -158,8 +164,7 @@ impl Steps {
             });
             // What walks on from row to row ends as far away as it has gone.
             let to_and_fro = (size - 1) as f64 * steps.fold(0.0, f64::max) > WALKED * reach;
-            let between = self.0[size - 1..].iter().step_by(size).copied();
-            to_and_fro && between.fold(f64::INFINITY, f64::min) > reach
+            to_and_fro && between > reach
         })
     }
 }
