@@ -27,10 +27,9 @@ use nalgebra::{DMatrix, Vector3};
 use crate::Error;
 use crate::apply::slopes::{Slopes, carried_slopes, platform_slopes};
 use crate::estimate::{Fit, Observations};
-use crate::model::{Instance, Model};
+use crate::model::Model;
 use crate::numerics::distributions;
 use crate::readings::{Readings, Table, along, ascending, average, runs_of_poses};
-use crate::terms::term::Needs;
 
 /// Rigid motions that move places by less than this fraction of the most are none: rounding.
 const RANK: f64 = 1e-9;
@@ -321,8 +320,7 @@ fn slopes_of_some(
     let some: Vec<_> = (0..count).map(|k| poses[order[k * poses.len() / count]].clone()).collect();
     let mut few = average(table, channels, &some);
     // Rows with times of their own, of which no term asks for the way to them, need nothing of the others.
-    let of_way = |instance: &Instance| instance.term.needs().into_iter().any(Needs::of_way);
-    if few.time.is_some() && !fit.model.instances.iter().any(of_way) {
+    if few.time.is_some() && !fit.model.instances.iter().any(|i| i.term.is_of_way()) {
         few.part = None;
     }
     slopes_at(observations, fit, &few, is_placed(observations, fit))

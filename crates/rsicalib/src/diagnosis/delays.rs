@@ -26,7 +26,7 @@ use crate::estimate::intervals::wider;
 use crate::estimate::{Fit, Implicit, Observations, Part, fit};
 use crate::model::Instance;
 use crate::terms;
-use crate::terms::term::{Class, Needs, Placed, Term};
+use crate::terms::term::{Class, Placed, Term};
 
 /// Delays that were found, slow servos among them, and the fit with them.
 pub(crate) struct Delays {
@@ -62,8 +62,7 @@ pub(crate) fn delays(
         let without = others.chain(options.without.iter().cloned()).collect();
         search(&alone, &explained.instances(kept), &SearchOptions { without, ..options.clone() })
     };
-    let sharp = |term: &dyn Term| term.is_late() && !term.cuts_corners();
-    let found = among(clean, &[], &sharp)?.found;
+    let found = among(clean, &[], &|term| term.is_delay())?.found;
     let (kept, here) = explained.kept(Vec::new(), clean.clone(), found)?;
     if kept.is_empty() {
         return Ok(None);
@@ -72,8 +71,7 @@ pub(crate) fn delays(
     // or happens at once, looks like a delay until it is there.
     let sudden =
         |term: &dyn Term| term.placed() == Placed::AtPose && term.info().class != Class::Data;
-    let of_way = |term: &dyn Term| term.needs().into_iter().any(Needs::of_way) && !sharp(term);
-    let beside = |term: &dyn Term| of_way(term) || sudden(term);
+    let beside = |term: &dyn Term| (term.is_of_way() && !term.is_delay()) || sudden(term);
     let found = among(&here, &kept, &beside)?.found;
     let (kept, here) = explained.kept(kept, here, found)?;
     let (mut kept, mut here) = explained.needed(kept, here)?;

@@ -20,12 +20,11 @@ use crate::estimate::on_closures::means_under;
 use crate::estimate::settle::Room;
 use crate::estimate::{Implicit, Part, Residuals};
 use crate::mechanism::Mechanism;
-use crate::model::{Instance, Want};
+use crate::model::Want;
 use crate::monitor::thresholds::{as_chi2, log_tail};
 use crate::monitor::watched::internal_covariance;
 use crate::numerics::distributions::f_tail;
 use crate::readings::Table;
-use crate::terms::term::Needs;
 
 /// Directions of which the readings tell less than this share are not compared.
 const TOLD: f64 = 1e-3;
@@ -191,7 +190,7 @@ pub fn closing(
     };
     let closures = &under.model.closures;
     let shaped = closures.iter().any(|closure| !closure.shapes.is_empty());
-    let out_of_order = !whole && under.model.instances.iter().any(needs_neighbours);
+    let out_of_order = !whole && under.model.instances.iter().any(|i| i.term.is_of_way());
     let used = compared(&under);
     if used.is_empty() || closures.is_empty() || shaped || out_of_order {
         return Ok(None);
@@ -240,11 +239,6 @@ fn average(mechanism: &Mechanism, under: &mut Under, beta: &[f64]) -> Result<(),
     noise.sigma.iter_mut().for_each(|sigma| *sigma *= less);
     *readings = means;
     Ok(())
-}
-
-/// True for a term that depends on where the mechanism came from.
-fn needs_neighbours(instance: &Instance) -> bool {
-    instance.term.needs().into_iter().any(Needs::of_way)
 }
 
 /// Rows that are compared: those in which everything unknown is the result's.

@@ -310,7 +310,7 @@ fn refuse_context(mechanism: &Mechanism, applied: &Applied) -> Result<(), Error>
         let of_more = |needs: &Needs| needs.of_way() || *needs == Needs::Temperature;
         let Some(needs) = term.needs().into_iter().find(of_more) else { continue };
         // A slow servo rounds corners, too, which no move of its column undoes.
-        let next = match term.is_late() && !term.cuts_corners() {
+        let next = match term.is_delay() {
             true => {
                 "move its columns by the delay, in these readings and in those of the calibration"
             }

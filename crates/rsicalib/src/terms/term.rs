@@ -479,6 +479,12 @@ pub enum Over {
 }
 
 impl dyn Term + '_ {
+    /// True for one that depends on the way to a row.
+    #[must_use]
+    pub fn is_of_way(&self) -> bool {
+        self.needs().into_iter().any(Needs::of_way)
+    }
+
     /// True for a delay or a slow servo, of which no size is out of all proportion: a message takes as long as
     /// it takes.
     #[must_use]
@@ -491,6 +497,12 @@ impl dyn Term + '_ {
     pub fn cuts_corners(&self) -> bool {
         let square = |late: Late| late.square.is_some();
         matches!(self.acts(), Acts::Electronics(term) if term.late(&[0.0]).is_some_and(square))
+    }
+
+    /// True for a delay: late, and late in corners, too.
+    #[must_use]
+    pub fn is_delay(&self) -> bool {
+        self.is_late() && !self.cuts_corners()
     }
 
     /// True for what a weight does.
