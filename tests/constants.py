@@ -38,6 +38,7 @@ KINDS = len(PRIORS) + 1
 """Kinds of candidates: what happened once are two."""
 OUT = {
     "all `prior_of_…` alike": ",".join(f"prior_of_{kind}={1 / KINDS:.4f}" for kind in PRIORS),
+    "`one_or_none`": "one_or_none=1",
     "`more`": "more=1",
     "`amplitudes`": "amplitudes=1",
     "`largest_effect`": "largest_effect=1e9",

@@ -64,6 +64,31 @@ def test_places_are_compared_after_a_rigid_motion(
     assert 1e-3 < aligned.predicted.p_value
 
 
+def test_an_instrument_has_noise_of_its_own(
+    touched: tuple[Path, Path, Path, Job, Array], tmp_path: Path
+) -> None:
+    """Errors by the parameters and by the instrument add up, after the rigid motion: 84 of 90 stay."""
+    readings, mechanism, seen, _, _read = touched
+    lines = seen.read_text(encoding="utf-8").splitlines()
+    rng, sigma = np.random.default_rng(11), 2.0
+    rows = [line.split(",") for line in lines[1:]]
+    for row in rows:
+        row[7:10] = [f"{float(x) + rng.normal(0, sigma):.9g}" for x in row[7:10]]
+    noisy = tmp_path / "noisy.csv"
+    noisy.write_text("\n".join([lines[0], *map(",".join, rows)]) + "\n", encoding="utf-8")
+    exact = rsicalib.calibrate(readings, mechanism, check=seen, align=True).fit.aligned
+    taken = rsicalib.calibrate(readings, mechanism, check=noisy, align=True)
+    told = rsicalib.calibrate(readings, mechanism, check=noisy, check_noise=sigma, align=True)
+    assert taken.verdict == "unexplained" and taken.reasons[0].kind == "check"
+    assert told.verdict == "adequate"
+    assert exact is not None and exact.predicted is not None
+    aligned = told.fit.aligned
+    assert aligned is not None and aligned.predicted is not None
+    n = 3 * len(rows)
+    both = exact.predicted.position_sd**2 + sigma**2 * (n - 6) / n
+    assert aligned.predicted.position_sd**2 == pytest.approx(both, rel=1e-6)
+
+
 def test_the_predicted_error_is_that_of_many_sessions(tmp_path: Path) -> None:
     """The mean square of errors by the parameters, after the motion of the instrument."""
     squares, predicted = [], []

@@ -106,6 +106,8 @@ NUMBERS: dict[str, Bounds] = {
     # A monitor takes two MB.
     "awake": Bounds(1, 1_000_000),
     "noise": Bounds(0, _core.LARGEST, "a number", whole=False, above=True),
+    "check_noise": Bounds(0, _core.LARGEST, "a length", whole=False),
+    "check_noise_angle": Bounds(0, math.pi, "an angle [rad]", whole=False),
     "simulate.noise": Bounds(0, _core.LARGEST, "a number of readings,", whole=False),
     "target": Bounds(0, _core.LARGEST, "a length", whole=False, above=True),
     # Ports of TCP; 0 asks for a free one.

@@ -158,7 +158,7 @@ impl PyObservations {
 
     /// What reported parameters refer to: `centre` and `span` of each channel, `temperature`.
     fn reference<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Ok(pythonize(py, &rsicalib::apply::earlier::Reference::of(&self.observations.readings))?)
+        Ok(pythonize(py, &rsicalib::apply::earlier::Reference::of(&self.observations))?)
     }
 
     /// Terms that are no candidates here, and what they need: `{id: needs}`.

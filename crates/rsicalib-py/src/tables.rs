@@ -91,11 +91,11 @@ pub fn poses_of(poses: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 6]> {
     poses.as_array().rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect()
 }
 
-/// Known poses as Python gives them: a table, the poses, row by row, the point whose places they are, and
-/// whether the table says what closures touch and measure.
-pub type PyKnown<'py> = (PyTable<'py>, PyReadonlyArray2<'py, f64>, Option<String>, bool);
+/// Known poses as Python gives them: a table, the poses, row by row, their standard deviations, the point whose
+/// places they are, and whether the table says what closures touch and measure.
+pub type PyKnown<'py> = (PyTable<'py>, PyReadonlyArray2<'py, f64>, [f64; 2], Option<String>, bool);
 
 /// The same, owned by Rust.
-pub fn known_of((table, poses, point, closes): PyKnown<'_>, align: bool) -> Known {
-    Known { table: table.table(), poses: poses_of(&poses), point, align, closes }
+pub fn known_of((table, poses, noise, point, closes): PyKnown<'_>, align: bool) -> Known {
+    Known { table: table.table(), poses: poses_of(&poses), noise, point, align, closes }
 }

@@ -182,6 +182,12 @@ def make_parser() -> argparse.ArgumentParser:
         _add_mechanism(sub)
         sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
         _add_check(sub)
+        words = "standard deviation of a coordinate of known places; exact where not given"
+        sub.add_argument("--check-noise", metavar="LENGTH", type=parsed("check_noise"), help=words)
+        words = "standard deviation of known angles; exact where not given"
+        sub.add_argument(
+            "--check-noise-angle", metavar="RAD", type=parsed("check_noise_angle"), help=words
+        )
         sub.add_argument("--calibration", metavar="FILE", help="start from an earlier result")
         words = "population.json of `fleet --population`: a prior of the parameters"
         sub.add_argument("--population", metavar="FILE", help=words)

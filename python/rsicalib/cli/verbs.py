@@ -502,6 +502,6 @@ def _with_logs(args: Args) -> None:
 
 def _session(args: Args) -> dict[str, Any]:
     """Options that `calibrate` and `trace` share, by the names they have in Python."""
-    names = """mechanism rest check check_point terms closures noise calibration population align
-        fit_groups hold_out_groups skip_bad_rows device note date"""
+    names = """mechanism rest check check_point check_noise check_noise_angle terms closures noise
+        calibration population align fit_groups hold_out_groups skip_bad_rows device note date"""
     return {name: getattr(args, name) for name in names.split()}

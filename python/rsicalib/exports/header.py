@@ -85,11 +85,11 @@ def _by_others(ask: Ask, number: int, lacking: Collection[str]) -> float:
 
 
 def _centre(ask: Ask) -> FloatArray:
-    """Mean reading of each channel, within its range."""
+    """Middle of the readings of each channel, within its range."""
     reference = ask.result.reference
     assert reference is not None  # `calibrated` has refused it
     ranges = [c.range or (-np.inf, np.inf) for c in ask.mechanism.channels]
-    centre: FloatArray = np.clip(np.array(reference.centre), *np.array(ranges).T)
+    centre: FloatArray = np.clip(np.mean(reference.span, axis=1), *np.array(ranges).T)
     return centre
 
 

@@ -286,7 +286,7 @@ def sentence(result: ResultShape) -> str:
         if result.verdict == "explained":
             yet = _yet(result)
             return f"Explained{yet}: {missing} {were} missing; what is left is noise ({judged})."
-        more = any(reason.kind == "residual" for reason in result.reasons)
+        more = any(reason.kind in TRACED for reason in result.reasons)
         leave = "leaves" if len(result.steps) == 1 else "leave"
         leave += " more than noise" if more else " no more than noise"
         if against:
@@ -549,7 +549,9 @@ def advice(result: ResultShape) -> list[str]:
     out = []
     fit = quality(result)
     if result.verdict in ("adequate", "explained"):
-        out.append("Use it: rsicalib forward READINGS --calibration result.json.")
+        steps = result.steps if isinstance(result, TraceShape) else ()
+        left = [subject(s) for s in steps if not s.applied]
+        out.append(f"Use it{_without(left)}: rsicalib forward READINGS --calibration result.json.")
     # Where nothing was fitted, what is lacking says what to do.
     if result.verdict == "undetermined" and result.parameters:
         less = (
@@ -588,13 +590,24 @@ def advice(result: ResultShape) -> list[str]:
     return out
 
 
+def _without(left: Sequence[str]) -> str:
+    """What was found and is no part of a calibration."""
+    if not left:
+        return ""
+    many = "is" if len(left) == 1 else "are"
+    return f", but {listed_words(left)} {many} not applied (--apply-all applies what was found)"
+
+
+TRACED = ("residual", "check", "check_orientation")
+"""Reasons of a verdict that a trace may explain."""
+
 ADVICE = {
     "open_loops": "The mechanism is not what it was in the session, or the check readings are of "
     "another one: rsicalib calibrate CHECK --calibration result.json says what has changed.",
-    "check": "Check poses are off by more than predicted: trace the residual, record poses like "
-    "them, and see whether the known poses are as good as they are taken for.",
-    "check_orientation": "Check poses are turned by more than predicted: trace the residual, and "
-    "see whether the known orientations are as good as they are taken for.",
+    "check": "Check poses are off by more than predicted: record poses like them, and see whether "
+    "the known poses are as good as they are taken for (--check-noise says how good).",
+    "check_orientation": "Check poses are turned by more than predicted: see whether the known "
+    "orientations are as good as they are taken for (--check-noise-angle says how good).",
     "check_declared": "Do not use it: known poses are better off with the mechanism as it is "
     "declared. Record more poses, from all of the workspace, or fit fewer --terms.",
     "predicted_declared": "Do not use it: known poses are no better off than with the mechanism as "
@@ -712,8 +725,9 @@ def _next_measurement(result: TraceShape) -> list[str]:
             f"To tell {name_of(step.term)} of {listed_words(sensors)} from "
             f"{listed_words(others[:3])}: {how}."
         )
-    if result.verdict in OPEN and result.unexplained is not None:
-        out.append(f"What is left: {result.unexplained.text}")
+    left = result.unexplained
+    if result.verdict in OPEN and left is not None and left.kind != "noise":
+        out.append(f"What is left: {left.text}")
     costs = [(h.platform_rms.position or 0.0, h) for h in result.could_hide if h.platform_rms]
     if costs:
         cost, worst = max(costs, key=lambda pair: pair[0])

@@ -30,6 +30,8 @@ def calibrate(
     rest: ReadingsArg | None = None,
     check: ReadingsArg | None = None,
     check_point: str | None = None,
+    check_noise: float | None = None,
+    check_noise_angle: float | None = None,
     terms: Sequence[str] | None = None,
     closures: Sequence[str] | None = None,
     method: str | None = None,
@@ -68,6 +70,9 @@ def calibrate(
         of a point that a chain carries.
     check_point : str, optional
         Which point, where chains carry several.
+    check_noise, check_noise_angle : float, optional
+        Standard deviations of what is known: of a coordinate of a place [length unit], and of an
+        angle [rad]. Exact where not given: the instrument adds nothing to what is predicted.
     terms : sequence of str, optional
         `offset` is a term at every target, `curvature@a22` at one; as the
         mechanism says where not given.
@@ -143,7 +148,8 @@ def calibrate(
         "xtol": xtol,
     }
     session = job.session(rest, job.terms(terms), options)
-    beside = job.beside(job.known(check, check_point), align)
+    known = job.known(check, check_point, (check_noise, check_noise_angle))
+    beside = job.beside(known, align)
     try:
         report, fit, _ = session.calibrate(beside)
     except UndeterminedError as error:

@@ -30,6 +30,8 @@ def trace(
     rest: ReadingsArg | None = None,
     check: ReadingsArg | None = None,
     check_point: str | None = None,
+    check_noise: float | None = None,
+    check_noise_angle: float | None = None,
     terms: Sequence[str] | None = None,
     without: Sequence[str] | None = None,
     closures: Sequence[str] | None = None,
@@ -61,7 +63,9 @@ def trace(
         As in `calibrate`; so are all options that are not described here.
     mechanism : str, path or Mechanism
         What is read.
-    rest, check, check_point, terms, closures, noise, calibration : optional
+    rest, check, check_point, check_noise, check_noise_angle : optional
+        As in `calibrate`.
+    terms, closures, noise, calibration : optional
         As in `calibrate`; `terms` are those to begin with.
     without : sequence of str, optional
         Terms that are not candidates.
@@ -106,7 +110,8 @@ def trace(
         "xtol": xtol,
     }
     session = job.session(rest, job.terms(terms), options)
-    beside = job.beside(job.known(check, check_point), align)
+    known = job.known(check, check_point, (check_noise, check_noise_angle))
+    beside = job.beside(known, align)
     try:
         report = session.trace(beside, without=names("without", without), apply_all=apply_all)
     except UndeterminedError as error:

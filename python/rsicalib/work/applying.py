@@ -16,7 +16,7 @@ from rsicalib.results.result import Result
 
 __all__ = ["Known", "as_applied", "as_table", "covariance_of", "posed", "tell_closures"]
 
-Known: TypeAlias = tuple[dict[str, Any], FloatArray, str | None, bool]
+Known: TypeAlias = tuple[dict[str, Any], FloatArray, tuple[float, float], str | None, bool]
 """Table of readings, the poses they were taken in, shape (n, 6), the point whose places they are (a
 place has no orientation), and whether the table says what closures touch and measure."""
 
@@ -75,7 +75,12 @@ def tell_closures(readings: Readings, mechanism: Mechanism) -> bool:
     return {*readings.keys} >= keys and {*readings.columns} >= columns
 
 
-def posed(readings: Readings, mechanism: Mechanism, point: str | None = None) -> Known:
+def posed(
+    readings: Readings,
+    mechanism: Mechanism,
+    point: str | None = None,
+    noise: tuple[float, float] = (0.0, 0.0),
+) -> Known:
     """Readings with known poses, or with known places of a point, as the core takes them."""
     if readings.poses is None or not np.isfinite(readings.poses).any():
         found = "no known pose" if readings.poses is not None else "no columns x y z rx ry rz"
@@ -83,7 +88,7 @@ def posed(readings: Readings, mechanism: Mechanism, point: str | None = None) ->
         raise InputError.at(readings.source, found=found, expected=expected)
     whole = tell_closures(readings, mechanism)
     table = as_table([readings], mechanism) if whole else _of_open_chains(readings, mechanism)
-    return table, np.ascontiguousarray(readings.poses), point, whole
+    return table, np.ascontiguousarray(readings.poses), noise, point, whole
 
 
 def as_applied(result: Result | None, mechanism: Mechanism, *, own: bool = False) -> dict[str, Any]:

@@ -151,7 +151,12 @@ class Work:
             options = {**options, "expected": expected_of(self.population)}
         return _core.Session(mechanism, table, rest=values, terms=terms, **options)
 
-    def known(self, check: ReadingsArg | None, point: str | None = None) -> Known | None:
+    def known(
+        self,
+        check: ReadingsArg | None,
+        point: str | None = None,
+        noise: tuple[float | None, float | None] = (None, None),
+    ) -> Known | None:
         """Check poses, or check places of a point, as the core takes them."""
         if check is None:
             return None
@@ -159,7 +164,7 @@ class Work:
         loaded = load(check, Bare(self.mechanism) if open_chains else self.mechanism, self.skip)
         self.warnings += loaded.warnings
         self.checked = loaded
-        return posed(loaded, self.mechanism, point)
+        return posed(loaded, self.mechanism, point, (noise[0] or 0.0, noise[1] or 0.0))
 
     def beside(self, known: Known | None, align: bool) -> dict[str, Any]:
         """What the core judges a calibration by, beside the readings that are fitted."""
@@ -229,8 +234,8 @@ class Work:
 
     def update(self, found: Mapping[str, Any], fit: _core.Fit) -> dict[str, Any] | None:
         """What has changed since the earlier result; None where that cannot be told."""
-        if self.earlier is None:
-            return None
+        if self.earlier is None or found["verdict"] in ("implausible", "undetermined"):
+            return None  # there is nothing that could have changed to it
         applied = as_applied(self.earlier, self.mechanism)
         held_out = found["fit"].get("held_out")
         rms = None if held_out is None else held_out["rms_misclosure"]

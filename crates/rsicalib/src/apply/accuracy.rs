@@ -63,8 +63,8 @@ pub struct Predicted {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct Expected {
-    /// Predicted standard deviation of a coordinate of the position, the noise of its readings
-    /// counted in [length unit].
+    /// Predicted standard deviation of a coordinate of the position, the noise of its readings and of the known
+    /// pose counted in [length unit].
     pub position_sd: f64,
     /// The same of roll, pitch and yaw (rad).
     pub orientation_sd: Option<f64>,
@@ -164,7 +164,7 @@ pub fn predicted(
     let placed = is_placed(observations, fit);
     let positions = if placed { 3 } else { coordinates };
     let wanted =
-        Wanted { positions: 0..positions, turns: positions..coordinates, samples: &[], moved: &[] };
+        Wanted { positions: 0..positions, turns: positions..coordinates, ..Wanted::default() };
     let sd = fit.model.sd_beforehand();
     let size = (slopes.len() * positions).max(1) as f64;
     let square = |by: &DMatrix<f64>| {
@@ -177,6 +177,7 @@ pub fn predicted(
 }
 
 /// What of the derivatives an error is predicted of.
+#[derive(Default)]
 pub(crate) struct Wanted<'a> {
     /// Coordinates of positions.
     pub positions: std::ops::Range<usize>,
@@ -184,6 +185,8 @@ pub(crate) struct Wanted<'a> {
     pub turns: std::ops::Range<usize>,
     /// Samples whose mean the readings of each row are, where their noise counts; else none.
     pub samples: &'a [f64],
+    /// Standard deviations of what each row is compared with: of a coordinate of a position, of an angle.
+    pub known: [f64; 2],
     /// Where the positions are, from which a rigid motion of an instrument is taken out; none: it is not.
     pub moved: &'a [Vector3<f64>],
 }
@@ -194,7 +197,7 @@ impl Wanted<'_> {
         slopes.iter().enumerate().map(|(row, slopes)| {
             let samples = self.samples.get(row..=row).unwrap_or_default();
             let (positions, turns) = (self.positions.clone(), self.turns.clone());
-            let one = Wanted { positions, turns, samples, moved: &[] };
+            let one = Wanted { positions, turns, samples, moved: &[], ..*self };
             one.of(fit, std::slice::from_ref(slopes))
         })
     }
@@ -228,10 +231,20 @@ impl Wanted<'_> {
                 let (i, unit) = of[row % each];
                 slopes[row / each].by_parameter[(i, free[k])] * sd[free[k]] / unit
             });
+            // Of readings, and of each known coordinate by itself.
+            let sensors = fit.noise.sigma.len();
+            let known = if self.known == [0.0; 2] { 0 } else { each };
             let noisy = |(pose, samples): (usize, &f64)| {
-                DMatrix::from_fn(each, fit.noise.sigma.len(), |row, c| {
+                DMatrix::from_fn(each, sensors + known, |row, c| {
                     let (i, unit) = of[row];
-                    slopes[pose].by_reading[(i, c)] * fit.noise.sigma[c] / samples.sqrt() / unit
+                    let own = match c.checked_sub(sensors) {
+                        None => {
+                            slopes[pose].by_reading[(i, c)] * fit.noise.sigma[c] / samples.sqrt()
+                        }
+                        Some(k) if k == row => self.known[usize::from(row >= coordinates[0].len())],
+                        Some(_) => 0.0,
+                    };
+                    own / unit
                 })
             };
             let noisy = self.samples.iter().enumerate().map(noisy);

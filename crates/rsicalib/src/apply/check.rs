@@ -67,7 +67,7 @@ impl CheckReadings {
     }
 }
 
-/// The largest errors of the platform pose, and what noise of the readings does to each.
+/// The largest errors of the platform pose, and what noise does to each.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
@@ -76,7 +76,7 @@ pub struct Largest {
     pub position: f64,
     /// Length of the errors of roll, pitch and yaw together, rad; null where places alone are known.
     pub orientation: Option<f64>,
-    /// Standard deviation of a coordinate of the position by the noise of the readings alone.
+    /// Standard deviation of a coordinate of the position by the noise of the readings and of the known pose alone.
     #[cfg_attr(feature = "serde", serde(default))]
     pub position_noise: Option<f64>,
     /// The same of roll, pitch and yaw, rad.
@@ -112,7 +112,8 @@ pub fn check(
     let (seen, turns) = (average(&known.table, channels, &parts), found.orientation_rms);
     let wanted = |samples| {
         let turns = turns.filter(|_| placed).map_or(0..0, |_| 3..6);
-        Wanted { positions: positions.clone(), turns, samples, moved: &moved }
+        let known = known.noise;
+        Wanted { positions: positions.clone(), turns, samples, known, moved: &moved }
     };
     let slopes = slopes_at(observations, fit, &seen, placed)?;
     let (error, quiet) = (wanted(&samples).of(fit, &slopes), wanted(&[]).of(fit, &slopes));

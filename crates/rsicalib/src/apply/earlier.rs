@@ -10,6 +10,7 @@ use crate::apply::known::Known;
 use crate::apply::poses::poses_of;
 use crate::closures::kind::Part as EndOf;
 use crate::estimate::Noise;
+use crate::estimate::Observations;
 use crate::estimate::Part;
 use crate::estimate::settle::settled;
 use crate::mechanism::{Channel, Closure, Mechanism, Point, Target};
@@ -22,12 +23,12 @@ use crate::{Error, terms};
 ///
 /// Offsets are told apart from gains about `centre`, a free curve runs over
 /// `span`, and temperatures count from `temperature`: all of the readings that
-/// the result was found with.
+/// the result was found with. A gain turns about reading zero where no offset was fitted.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct Reference {
-    /// Mean reading of each channel.
+    /// Mean reading of each channel, zero where its offset is as it was drawn.
     pub centre: Vec<f64>,
     /// Lowest and highest reading of each channel.
     pub span: Vec<[f64; 2]>,
@@ -38,9 +39,10 @@ pub struct Reference {
 impl Reference {
     /// Of the readings of a fit.
     #[must_use]
-    pub fn of(readings: &Readings) -> Self {
+    pub fn of(observations: &Observations) -> Self {
+        let readings = &observations.readings;
         Self {
-            centre: readings.mean.clone(),
+            centre: observations.centre.clone(),
             span: readings.span.clone(),
             temperature: readings.mean_temperature,
         }

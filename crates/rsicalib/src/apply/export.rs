@@ -192,8 +192,8 @@ fn effects(mechanism: &Mechanism, applied: &Applied) -> Result<Vec<Effect>, Erro
     Ok(effects)
 }
 
-/// Gains, offsets and shifts in their channels; a gain alone turns the line about the mean
-/// reading, for there it was found.
+/// Gains, offsets and shifts in their channels; a gain alone turns the line about the reading
+/// about which it was found.
 fn with_lines(
     mechanism: &Mechanism,
     applied: &Applied,

@@ -17,6 +17,9 @@ pub struct Known {
     pub poses: Vec<[f64; 6]>,
     /// Which point the places are of, where chains carry several.
     pub point: Option<String>,
+    /// Standard deviations of what is known: of a coordinate of a place [length unit], of an angle (rad);
+    /// zero where it is exact.
+    pub noise: [f64; 2],
     /// True where they are known up to a rigid motion of the instrument.
     pub align: bool,
     /// True where the readings say what closures touch and measure, so that their loops can be looked at.

@@ -152,7 +152,7 @@ pub fn suppose(observations: &Observations, supposed: &[Supposed]) -> Result<Sup
     let there = platform(&small, &with.model, &with.beta, &noise);
     let width_seen = width as f64;
     // As in the search: worth its parameters and places.
-    let least = price::least_that_pays(width_seen, places);
+    let least = price::least_of_first(width_seen, places);
     Ok(Supposition {
         seen: chi2_beyond(least, width_seen, noncentrality),
         noticed: match last.dof >= 1.0 {

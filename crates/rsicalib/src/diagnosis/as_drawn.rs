@@ -5,9 +5,9 @@
 //! was asked for leaves something, a session on a surface is searched once more without offsets of joints,
 //! and both explanations have their price (113), offsets that are determined included.
 //!
-//! Where the second names an error of a surface, or has one in a tie, and is not ruled out, joints stay as they
-//! are drawn: what is not known to be wrong is not changed. Where it has none, offsets stay unless they are ruled
-//! out, for they were asked for. Where all its effects are in the first too, offsets explain nothing, and stay.
+//! Where the second names an error of a surface, or has one in a tie, the first names none, and the second is not ruled
+//! out, joints stay as they are drawn: what is not known to be wrong is not changed. Else nothing is hidden, and
+//! offsets were asked for.
 
 use crate::Error;
 use crate::apply::change::apart;
@@ -15,19 +15,26 @@ use crate::diagnosis::long::Search;
 use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::price::{Family, another, charge, of_places, prior};
 use crate::diagnosis::score::scored::is_data;
+use crate::diagnosis::search::outcome::FoundEffect;
 use crate::diagnosis::search::rivals::{Explanation, nearest};
 use crate::mechanism::Mechanism;
 use crate::model::Instance;
 use crate::numerics::credible_set::RIVAL;
 use crate::terms::term::{Acts, Role};
 
-/// What was asked for, without offsets of joints that turn; none where there are none, or no surface.
+/// What was asked for, without offsets of joints that turn; none where there are none, no surface, or where an
+/// error of a surface was `found` with them: they hide none.
 ///
 /// Where a joint that turns is at zero its maker has marked. A carriage stands where its stop is: of 36 delta
 /// printers on a bed 12 were told three effects each, where offsets of carriages were left out here.
 #[must_use]
-pub(crate) fn without_offsets(mechanism: &Mechanism, base: &[Instance]) -> Option<Vec<Instance>> {
-    let on_surface = mechanism.touches_surfaces();
+pub(crate) fn without_offsets(
+    mechanism: &Mechanism,
+    base: &[Instance],
+    found: &[FoundEffect],
+) -> Option<Vec<Instance>> {
+    let named = found.iter().any(|step| of_surface(&step.scored.instance));
+    let on_surface = mechanism.touches_surfaces() && !named;
     let turns = |i: &Instance| mechanism.channels_at(i.target).iter().any(|c| mechanism.turns(*c));
     let kept = base.iter().copied().filter(|i| i.term.role() != Role::Offset || !turns(i));
     let kept: Vec<_> = kept.collect();
@@ -52,26 +59,21 @@ pub(crate) fn likelier<'a>(
         more.iter().copied().chain(effects_of(search).into_iter().filter(|i| !is_data(i))).collect()
     };
     let of_both = [effects(&asked, offsets), effects(&drawn, &[])];
-    let found = !of_both[1].is_empty();
-    let of_surface = names_surface(&drawn);
-    let known = of_both[1].iter().all(|i| of_both[0].contains(i));
-    if found && known && !of_surface {
+    if !names_surface(&drawn) {
         return Ok((asked, false));
     }
-    // How much dearer the second may be.
-    let preferred = if of_surface { RIVAL } else { -RIVAL };
     let paid = paid(&asked, offsets)?;
     let own = asked.searched.price(&asked.averaged) + paid;
     let other = drawn.searched.price(&asked.averaged);
     let small = &drawn.averaged.small;
     let sound = absurdities(small, &drawn.searched.current, &effects_of(&drawn)).is_empty();
-    let chosen = found && sound && other <= own + preferred;
+    let chosen = sound && other <= own + RIVAL;
     let far = apart(&asked.averaged.small, &asked.searched.current, &drawn.searched.current);
     let (kept, [mine, others], all) = match chosen {
         true => (&mut drawn, [other, own], &of_both[0]),
         false => (&mut asked, [own - paid, other - paid], &of_both[1]),
     };
-    let listed_too = found && sound && !all.is_empty();
+    let listed_too = sound && !all.is_empty();
     let here = std::mem::take(&mut kept.searched.rivals);
     let here = match here.is_empty() && listed_too {
         true => vec![Explanation {
@@ -102,9 +104,12 @@ pub(crate) fn likelier<'a>(
 
 /// True where a search says, or cannot tell from what it says, that a surface is not as it is drawn.
 fn names_surface(search: &Search) -> bool {
-    let of_surface = |i: &Instance| matches!(i.term.acts(), Acts::Surface(_));
     let mut found = search.searched.found.iter();
     found.any(|step| of_surface(&step.scored.instance) || step.also.iter().any(of_surface))
+}
+
+fn of_surface(instance: &Instance) -> bool {
+    matches!(instance.term.acts(), Acts::Surface(_))
 }
 
 /// The price of the offsets that were asked for, by what they gain beside what was found. Each joint that is

@@ -8,7 +8,7 @@ use crate::apply::change::{Movable, PlatformRms};
 use crate::apply::unseen::Unseen;
 use crate::diagnosis::left_open::{Open, weigh};
 use crate::diagnosis::options::SearchOptions;
-use crate::diagnosis::price::least_that_pays;
+use crate::diagnosis::price::least_of_first;
 use crate::diagnosis::score::candidates;
 use crate::diagnosis::score::projection::{Projected, project};
 use crate::diagnosis::score::scored::named_places;
@@ -59,7 +59,7 @@ const FOUR_OF_FIVE: f64 = 0.84;
 
 /// Standard deviations of an effect that pays in four sessions of five, one of so many candidates.
 pub(crate) fn seen_at(candidates: usize) -> f64 {
-    least_that_pays(1.0, named_places(candidates as f64)).sqrt() + FOUR_OF_FIVE
+    least_of_first(1.0, named_places(candidates as f64)).sqrt() + FOUR_OF_FIVE
 }
 
 /// The direction of an effect that is hardest to see among those that can be, and how large the effect

@@ -8,10 +8,14 @@
 //! used. Parts of the workspace of a single placement cannot tell that a free shape is there at
 //! another, nor effects that may stand for another one, as errors of the arm for one of the surface that it
 //! touches, or leave something over: these are named alone.
+//!
+//! What happened between two sessions, or in one alone, no half can tell: it is what it was found to be, beside
+//! what is judged.
 
 use crate::diagnosis::localisation::Residual;
 use crate::diagnosis::options::{Rule, SearchOptions};
 use crate::diagnosis::score::scored;
+use crate::diagnosis::score::times::happened_once;
 use crate::diagnosis::trace::{Found, Traced, trace};
 use crate::diagnosis::verdict::WORSE;
 use crate::estimate::progress::Progress;
@@ -19,10 +23,10 @@ use crate::estimate::{
     Fit, Implicit, Misfit, Noise, Observations, Part, fit, groups_along, numbered_groups,
     place_untouched,
 };
-use crate::model::Instance;
+use crate::model::{Instance, bound_to_session};
 use crate::numerics::workers;
 use crate::readings::{along, ascending};
-use crate::terms::term::Acts;
+use crate::terms::term::{Acts, Placed};
 
 /// Placements or sessions are left out half by half: each search has half of the readings, and both
 /// take about as long as the one of all.
@@ -56,7 +60,7 @@ pub struct Elsewhere {
     pub kind: Blocks,
     /// How many blocks.
     pub blocks: usize,
-    /// Without any of the effects.
+    /// Without any of the effects that are judged.
     pub without: f64,
     /// With what a search finds again without the block; null for parts of the workspace.
     pub again: Option<f64>,
@@ -95,8 +99,11 @@ pub fn elsewhere(
         let instances: Vec<Instance> = base.iter().copied().chain(chosen).collect();
         Some(left.error(|training| fit(training, instances.clone(), Some(after)).ok())?.0)
     };
-    let none = vec![false; effects.len()];
-    let without = with(&none)?;
+    let given: Vec<bool> = effects.iter().map(|effect| !left.tells(effect)).collect();
+    if given.iter().all(|given| *given) {
+        return None;
+    }
+    let without = with(&given)?;
     let again = match kind {
         Blocks::Groups => Some(left.error(|training| searched(training, search, effects.len()))?),
         Blocks::Workspace => None,
@@ -112,7 +119,8 @@ pub fn elsewhere(
         }
         None => understood && !effect.term.info().penalised && !traced.undone(one),
     };
-    let mut applies: Vec<bool> = effects.iter().zip(found).map(may).collect();
+    let mut applies: Vec<bool> =
+        effects.iter().zip(found).zip(&given).map(|(one, given)| *given || may(one)).collect();
     let mut applied = with(&applies)?;
     let all = vec![true; effects.len()];
     let without_one = |some: &[bool], k: usize| {
@@ -124,7 +132,7 @@ pub fn elsewhere(
         (0..effects.len()).map(|k| Some(without_one(&all, k)?.0)).collect();
     let each = each?;
     // The effect without which most is gained goes first.
-    let mut order: Vec<usize> = (0..effects.len()).filter(|k| applies[*k]).collect();
+    let mut order: Vec<usize> = (0..effects.len()).filter(|k| applies[*k] && !given[*k]).collect();
     order.sort_by(|a, b| each[*a].total_cmp(&each[*b]));
     for k in order {
         let (error, fewer) = without_one(&applies, k)?;
@@ -133,7 +141,7 @@ pub fn elsewhere(
         }
     }
     if applied >= without {
-        (applies, applied) = (none, without);
+        (applies, applied) = (given, without);
     }
     let (blocks, unit) = (left.blocks.len(), observations.mechanism.length_unit.clone());
     let (again, without_each) = (again.map(|(again, _)| again), each);
@@ -166,6 +174,24 @@ struct Left<'a> {
 }
 
 impl Left<'_> {
+    /// True where each block leaves readings in which an effect acts; of what happened once, others too.
+    fn tells(&self, effect: &Instance) -> bool {
+        let Observations { readings, weights, .. } = self.observations;
+        let session = |pose: usize| readings.session_of_pose.get(pose);
+        let acts = |pose: usize| match effect.term.placed() {
+            _ if bound_to_session(effect.term) => session(pose).is_none_or(|s| *s == effect.place),
+            Placed::AtPose => pose >= effect.place && session(pose) == session(effect.place),
+            _ => true,
+        };
+        self.blocks.iter().all(|block| {
+            let mut kept: Vec<bool> = weights.iter().map(|weight| *weight > 0.0).collect();
+            block.iter().for_each(|row| kept[*row] = false);
+            let poses = readings.pose.iter().zip(&kept).filter(|(_, kept)| **kept);
+            let acting: Vec<bool> = poses.map(|(pose, _)| acts(*pose)).collect();
+            acting.contains(&true) && (!happened_once(effect) || acting.contains(&false))
+        })
+    }
+
     /// Error of the closures of the blocks, by what `chosen` gives without each; and that.
     fn error(
         &self,

@@ -1,8 +1,10 @@
 //! The price of an explanation: what the readings say of it, and what its parts cost.
 //!
 //! ```text
-//! price = data(χ²) + Σ (charge - 2 ln prior(kind) + 2 ln places) - 2 ln ¼ · (effects - 1)   (113)
+//! price = data(χ²) + Σ (charge - 2 ln prior(kind) + 2 ln places) - 2 ln (3/2 · ¼^(effects - 1))   (113)
 //! ```
+//!
+//! The last term is zero where nothing is wrong.
 //!
 //! Minus twice the logarithm of a probability, but for a constant: differences of prices are what
 //! everything is decided by. With a noise that is known by `ν` degrees of freedom, and `d`
@@ -51,6 +53,8 @@ stated! {
     fn prior_of_once() -> f64 = 0.08;
     /// The same of a wrong reading.
     fn prior_of_bad() -> f64 = 0.18;
+    /// How much likelier one effect is than none, before there are readings.
+    fn one_or_none() -> f64 = 1.5;
     /// Probability that there is one more effect, where there is one.
     fn more() -> f64 = 0.25;
     /// Amplitudes that an effect may have: doublings of that which noise alone would give it.
@@ -73,6 +77,21 @@ pub fn prior(kind: Family) -> f64 {
 #[must_use]
 pub fn another() -> f64 {
     -2.0 * more().ln()
+}
+
+/// What so many effects cost, for their number alone.
+#[must_use]
+pub fn of_number(effects: usize) -> f64 {
+    match effects {
+        0 => 0.0,
+        _ => another() * (effects - 1) as f64 - 2.0 * one_or_none().ln(),
+    }
+}
+
+/// The least score that pays for `k` parameters of the first effect, at these places.
+#[must_use]
+pub fn least_of_first(k: f64, places: f64) -> f64 {
+    least_that_pays(k, places / one_or_none())
 }
 
 /// What the places cost where an item could have been, over its prior.

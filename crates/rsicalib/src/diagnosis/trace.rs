@@ -257,16 +257,19 @@ fn explain(
     }
     let drawn_too =
         wanted && search.uses(Rule::AsDrawn) && clean.p_value.is_some_and(|p| p <= LEVEL);
-    let drawn = drawn_too.then(|| without_offsets(&observations.mechanism, &base)).flatten();
+    let told = &searched.searched.found;
+    let drawn = drawn_too.then(|| without_offsets(&observations.mechanism, &base, told)).flatten();
     let mut offsets = Vec::new();
     if let Some(kept) = drawn.filter(|_| searched.averaged.stretches.is_none()) {
-        let plain = fit(&observations, kept.clone(), None)?;
-        let other = search_once(&observations, &plain, &kept, search, true)?;
+        let mut as_drawn = observations.clone();
+        as_drawn.leave_offsets_as_drawn(&kept);
+        let plain = fit(&as_drawn, kept.clone(), None)?;
+        let other = search_once(&as_drawn, &plain, &kept, search, true)?;
         offsets = base.iter().copied().filter(|i| !kept.contains(i)).collect();
         let (likelier, chosen) = likelier(searched, other, &offsets)?;
         searched = likelier;
         if chosen {
-            clean = plain;
+            (clean, observations) = (plain, as_drawn);
         } else {
             offsets.clear();
         }

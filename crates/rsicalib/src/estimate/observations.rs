@@ -7,6 +7,7 @@ use crate::estimate::options::FitOptions;
 use crate::mechanism::{Closure, Mechanism, Value};
 use crate::model::{Instance, Model, assembly, check_names};
 use crate::readings::{Readings, Table, codes};
+use crate::terms::term::Role;
 
 /// Readings of a mechanism with what is known of them: a rest pose, weights, options.
 #[derive(Debug, Clone)]
@@ -22,7 +23,8 @@ pub struct Observations {
     pub rest_angles: Option<Vec<f64>>,
     /// Weight of each sample; zero for a sample that is left out.
     pub weights: Vec<f64>,
-    /// Readings at which offsets are defined, one per channel: the means, or as is expected.
+    /// Readings about which offsets and gains are told apart, one per channel: the means, or as is expected;
+    /// zero where no offset is fitted.
     pub centre: Vec<f64>,
     /// Step of the codes of each channel, in its unit; zero where it has none.
     pub steps: Vec<f64>,
@@ -177,7 +179,7 @@ impl Observations {
             }
             None => readings.mean.clone(),
         };
-        Ok(Self {
+        let mut it = Self {
             mechanism,
             readings,
             rest,
@@ -189,7 +191,23 @@ impl Observations {
             options,
             judged: false,
             held,
-        })
+        };
+        // What cannot be asked for is said where these are fitted.
+        if let Ok(asked) = it.instances() {
+            it.leave_offsets_as_drawn(&asked);
+        }
+        Ok(it)
+    }
+
+    /// Lets gains of channels whose offset is not among these turn about reading zero, where the offset stands
+    /// that is drawn.
+    pub(crate) fn leave_offsets_as_drawn(&mut self, fitted: &[Instance]) {
+        let mut free = vec![false; self.centre.len()];
+        let offsets = fitted.iter().filter(|i| i.term.role() == Role::Offset);
+        let at = offsets.flat_map(|i| self.mechanism.channels_at(i.target));
+        at.for_each(|channel| free[channel] = true);
+        let drawn = free.iter().zip(&mut self.centre).filter(|(free, _)| !**free);
+        drawn.for_each(|(_, centre)| *centre = 0.0);
     }
 
     /// Variance of the rounding of each channel.

@@ -231,7 +231,7 @@ fn applied(observations: &Observations, fit: &Fit, own: bool) -> Applied {
     };
     Applied {
         parameters: known.map(of).collect(),
-        reference: Reference::of(&observations.readings),
+        reference: Reference::of(observations),
         sigma: fit.noise.sigma.clone(),
         closures: fit.noise.of_closures(&fit.model),
         declared: fit.noise.source == Source::Declared,

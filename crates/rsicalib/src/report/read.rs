@@ -174,9 +174,9 @@ fn check(result: &dyn Parts) -> Result<(), Refused> {
     }
     for (k, (centre, [low, high])) in reference.centre.iter().zip(&reference.span).enumerate() {
         let room = 1e-9 * (1.0 + low.abs().max(high.abs())); // a mean may be rounded
-        if !(low - room <= *centre && *centre <= high + room) {
+        if !(low - room <= *centre && *centre <= high + room || *centre == 0.0) {
             let place = format!("reference.centre[{k}]");
-            return refuse(&place, centre.to_string(), format!("{low} to {high}, its span"));
+            return refuse(&place, centre.to_string(), format!("0, or {low} to {high}, its span"));
         }
     }
     for (key, held) in [("sigma", &noise.sigma), ("closures", &noise.closures)] {

@@ -362,7 +362,7 @@ pub fn estimates(observations: &Observations, fit: &Fit, directions: &Directions
             .filter(|error| error.position_sd.is_finite() && error.position_sd > 0.0),
         unobservable: words::directions(directions),
         too_many: directions.too_many.iter().map(ToString::to_string).collect(),
-        reference: Reference::of(&observations.readings),
+        reference: Reference::of(observations),
         weak: directions.weak.iter().map(words::direction).collect(),
         condition: fit.condition,
         condition_uncentred: crate::estimate::directions::uncentred_condition(fit),

@@ -3,6 +3,7 @@
 use crate::Error;
 use crate::apply::change::PlatformRms;
 use crate::apply::earlier::{Applied, lasting};
+use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::verdict::worth_an_update;
 use crate::estimate::significance::NORMAL_95;
 use crate::estimate::{Fit, Observations};
@@ -28,7 +29,11 @@ pub struct Update {
     pub rms_before: f64,
     /// The same under this result, poses left out in turn; null where that was not computed.
     pub rms_after: Option<f64>,
-    /// What has changed, the most certain first.
+    /// True where this result leaves more than noise: what changed between the sessions cannot be told from
+    /// what happened within this one.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub unclear: bool,
+    /// What has changed, the most certain first; nothing where it is `unclear`.
     pub changes: Vec<Changed>,
     /// Effects of the earlier result that belong to its session, and are not compared.
     pub session_only: Vec<String>,
@@ -76,8 +81,15 @@ impl Update {
             inflation: fit.noise.inflation,
             dof: fit.noise.dof_of_pose(),
         };
-        let found = compare(earlier, covariance, observations, &judged)?;
-        Self::of(&observations.mechanism, earlier, found, rms_after)
+        let mut found = compare(earlier, covariance, observations, &judged)?;
+        let unclear = fit.p_value.is_some_and(|p| p <= LEVEL);
+        if unclear {
+            found.changes.clear();
+        }
+        let told = Self::of(&observations.mechanism, earlier, found, rms_after)?;
+        let text = "more than noise is left of this session: what has changed between the two cannot be told \
+                    from what happened within it, which trace looks for";
+        Ok(if unclear { Self { unclear, text: text.into(), ..told } } else { told })
     }
 
     /// Of what has changed since `earlier`, where the loops close to `rms_after` under the new
@@ -110,6 +122,7 @@ impl Update {
             p_value: found.p_value,
             rms_before: found.rms_misclosure,
             rms_after,
+            unclear: false,
             changes,
             session_only,
         };

@@ -661,7 +661,10 @@ fn likely(mechanism: &Mechanism, likely: &[(usize, f64)]) -> (String, String) {
 #[must_use]
 pub fn another(mechanism: &Mechanism, rival: &Explanation, apart: f64, predicted: f64) -> String {
     let names: Vec<String> = rival.effects.iter().map(|i| of(mechanism, i)).collect();
-    let names = and_between(&names);
+    let names = match names.is_empty() {
+        true => "what was asked for alone".into(),
+        false => and_between(&names),
+    };
     let what = if mechanism.platform.is_empty() { "carried points" } else { "the platform" };
     let unit = &mechanism.length_unit;
     format!(

@@ -72,11 +72,11 @@ impl Scored {
     }
 }
 
-/// What items cost together: each, and that there is more than one effect.
+/// What items cost together: each, and how many are effects.
 #[must_use]
 pub fn paid(items: &[Scored]) -> f64 {
-    let more = items.iter().filter(|s| !is_data(&s.instance)).skip(1).count();
-    items.iter().map(Scored::paid).sum::<f64>() + price::another() * more as f64
+    let effects = items.iter().filter(|s| !is_data(&s.instance)).count();
+    items.iter().map(Scored::paid).sum::<f64>() + price::of_number(effects)
 }
 
 /// At most this many times are tried for what happened once to one part.

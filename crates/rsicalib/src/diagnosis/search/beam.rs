@@ -7,6 +7,7 @@ use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::price::{Family, Said, by_price, charge};
 use crate::diagnosis::score::scan;
 use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data, one_place_each, paid};
+use crate::diagnosis::score::times::over_times;
 use crate::diagnosis::search::account::Account;
 use crate::diagnosis::search::noise::UnknownNoise;
 use crate::estimate::{Fit, Observations};
@@ -96,6 +97,7 @@ impl Beam<'_, '_> {
         };
         let said = self.averaged.said(&account.fit);
         scored.iter_mut().for_each(|s| s.charge = charge_of(s, &said));
+        over_times(&mut scored, &said);
         Ok(scored)
     }
 }

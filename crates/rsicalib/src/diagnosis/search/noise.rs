@@ -12,7 +12,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::isolation::channels_of;
-use crate::diagnosis::price::{Family, Said, another, of_places, prior};
+use crate::diagnosis::price::{Family, Said, of_number, of_places, prior};
 use crate::diagnosis::score::scored::{Scored, is_data};
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Target;
@@ -167,10 +167,10 @@ fn axes(observations: &Observations, fit: &Fit, channels: &[usize]) -> Vec<Axis>
 }
 
 impl UnknownNoise {
-    /// What it costs beside items: an effect beside it is not the first thing that is wrong.
+    /// What it costs beside items: it is one more thing that is wrong.
     pub fn paid_beside(&self, items: &[Scored]) -> f64 {
-        let beside = items.iter().any(|item| !is_data(&item.instance));
-        self.places + self.volume + if beside { another() } else { 0.0 }
+        let effects = items.iter().filter(|item| !is_data(&item.instance)).count();
+        self.places + self.volume + of_number(effects + 1) - of_number(effects)
     }
 
     /// The session with this noise.

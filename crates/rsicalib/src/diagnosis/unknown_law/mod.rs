@@ -12,7 +12,7 @@ pub mod variables;
 
 use crate::Error;
 use crate::diagnosis::averaged::Averaged;
-use crate::diagnosis::price::{Data, Family, mean, prior};
+use crate::diagnosis::price::{Data, Family, mean, of_number, prior};
 use crate::diagnosis::score::scored::{self, Scored, paid};
 use crate::diagnosis::unknown_law::evidence::{Errors, Evidence, Likeliest};
 use crate::diagnosis::unknown_law::formula::Written;
@@ -179,16 +179,24 @@ impl Averaged<'_> {
         for gone in replaced {
             // A law over torque holds what a load does: it is priced as that load, and what is beyond.
             let over = |q: Quantity| gone.iter().any(|s| is_over(&s.instance, q));
-            let (held, others): (Vec<Scored>, Vec<Scored>) =
+            let (held, rest): (Vec<Scored>, Vec<Scored>) =
                 gone.iter().partition(|s| s.instance.term.info().needs != Needs::Nothing);
-            let mut kept = vec![(gone.clone(), (!held.is_empty()).then_some(false))];
+            let mut taken = vec![(gone.clone(), (!held.is_empty()).then_some(false))];
             if !held.is_empty() {
-                kept.push((others, Some(true)));
+                taken.push((rest, Some(true)));
             }
-            let mut fits = Vec::with_capacity(kept.len());
-            for (without, holding) in kept {
+            let mut fits = Vec::with_capacity(taken.len());
+            for (without, holding) in taken {
                 let fit = self.without(current, &instances(&without))?;
-                let price = self.said_of(&fit) + paid(found) - paid(&without);
+                let others: Vec<Scored> =
+                    found.iter().filter(|s| !without.contains(s)).copied().collect();
+                // A law that holds an effect is no other thing that is wrong.
+                let beside = effects.len() - without.len();
+                let number = match holding {
+                    Some(true) => 0.0,
+                    _ => of_number(beside + 1) - of_number(beside),
+                };
+                let price = self.said_of(&fit) + paid(&others) + number;
                 fits.push((fit, price, holding));
             }
             let beside: Vec<Beside> = fits
