@@ -67,7 +67,7 @@ def test_places_are_compared_after_a_rigid_motion(
 def test_an_instrument_has_noise_of_its_own(
     touched: tuple[Path, Path, Path, Job, Array], tmp_path: Path
 ) -> None:
-    """Errors by the parameters and by the instrument add up, after the rigid motion: 84 of 90 stay."""
+    """Errors by the parameters and by the instrument add up; six of 90 go into the rigid motion."""
     readings, mechanism, seen, _, _read = touched
     lines = seen.read_text(encoding="utf-8").splitlines()
     rng, sigma = np.random.default_rng(11), 2.0

@@ -63,7 +63,7 @@ def test_what_stays_as_drawn_is_said(tmp_path: Path) -> None:
 
 
 def test_a_gain_turns_about_reading_zero_where_the_offset_is_as_drawn(tmp_path: Path) -> None:
-    """The simulator's angle is `(1 + g)` times the reading, wherever the joint was in the session."""
+    """The simulator's angle is `(1 + g)` times the reading, wherever the joint was."""
     rng = np.random.default_rng([93, 4])
     job = Job(Body.random(rng), rng, 50)
     job.plane("table")
@@ -77,7 +77,7 @@ def test_a_gain_turns_about_reading_zero_where_the_offset_is_as_drawn(tmp_path: 
     (gain,) = (p for p in found.parameters if p.term == "gain")
     assert gain.value is not None and gain.sd is not None
     assert abs(gain.value - 1.002) < 4 * gain.sd
-    # Places by the calibration are those by plain matrices with that gain and the drawing's offsets.
+    # Places are those by plain matrices with that gain and the drawing's offsets.
     own = read.copy()
     own[:, 2] *= gain.value
     places = plain.place(

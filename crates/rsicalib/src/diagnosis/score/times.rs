@@ -28,7 +28,7 @@ pub fn happened_once(instance: &Instance) -> bool {
 /// Counts times as likely as the likeliest as one place, by the probability of all of them together:
 ///
 /// ```text
-/// places ← places / Σ exp(½ (u_t - max u)),    u = fall of data(χ²) - charge, over all times t       (170)
+/// places ← places / Σ exp(½ (u_t - max u)),    u = fall of data(χ²) - charge, over all times t       (172)
 /// ```
 ///
 /// so that the price of what happened once is of any time, not of one that was picked.
