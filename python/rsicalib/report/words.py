@@ -286,7 +286,7 @@ def sentence(result: ResultShape) -> str:
         if result.verdict == "explained":
             yet = _yet(result)
             return f"Explained{yet}: {missing} {were} missing; what is left is noise ({judged})."
-        more = any(reason.kind in TRACED for reason in result.reasons)
+        more = any(reason.kind == "residual" for reason in result.reasons)
         leave = "leaves" if len(result.steps) == 1 else "leave"
         leave += " more than noise" if more else " no more than noise"
         if against:
@@ -550,8 +550,8 @@ def advice(result: ResultShape) -> list[str]:
     fit = quality(result)
     if result.verdict in ("adequate", "explained"):
         steps = result.steps if isinstance(result, TraceShape) else ()
-        left = [subject(s) for s in steps if not s.applied]
-        out.append(f"Use it{_without(left)}: rsicalib forward READINGS --calibration result.json.")
+        aside = _aside([subject(s) for s in steps if not s.applied])
+        out.append(f"Use it{aside}: rsicalib forward READINGS --calibration result.json.")
     # Where nothing was fitted, what is lacking says what to do.
     if result.verdict == "undetermined" and result.parameters:
         less = (
@@ -566,7 +566,7 @@ def advice(result: ResultShape) -> list[str]:
     if result.verdict == "implausible":
         out += _implausible(result)
     against = _elsewhere(result)
-    left = not against or any(reason.kind == "residual" for reason in result.reasons)
+    left = not against or any(reason.kind in TRACED for reason in result.reasons)
     if result.verdict == "unexplained" and isinstance(result, CalibrationShape) and left:
         out.append("Find what is missing: rsicalib trace, with the same files.")
     out += list(dict.fromkeys(ADVICE[reason.kind] for reason in against))
@@ -590,7 +590,7 @@ def advice(result: ResultShape) -> list[str]:
     return out
 
 
-def _without(left: Sequence[str]) -> str:
+def _aside(left: Sequence[str]) -> str:
     """What was found and is no part of a calibration."""
     if not left:
         return ""
