@@ -105,6 +105,7 @@ mod laws;
 
 // One `mod` and one registry line per term; the `mod`s stand outside the macro
 // because rustfmt does not look inside.
+mod anchor_position;
 mod bad_reading;
 mod base_bearing;
 mod base_position;
@@ -202,5 +203,6 @@ registry! {
     plane_slip::PlaneSlip,
     line_bend::LineBend,
     line_slip::LineSlip,
+    anchor_position::AnchorPosition,
     point_slip::PointSlip,
 }
