@@ -669,6 +669,9 @@ class Step(Effect, Record):
     """What people call the target."""
     also_fits: tuple[Name, ...] = ()
     """Terms that these poses cannot tell from this one."""
+    needs_length: bool = False
+    """True where one of these differs from this term by the size of the whole: a length that is
+    known would tell them apart, no pose does."""
     platform_rms: Rms | None = None
     """What the term did to the platform pose, the other parameters having absorbed what they
     can."""

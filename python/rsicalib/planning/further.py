@@ -82,7 +82,9 @@ class Sessions:
         declared = noise is not None and noise.kind == "declared"
         sigma = dict(noise.sigma) if noise is not None and declared else None
         self.base = base_terms(self.result)
-        self.session = job.session(None, self.base, {"noise": job.noise(sigma)})
+        # Each explanation has its own effects: none begins with those of the best.
+        found = [(s.term, s.target, s.place) for s in getattr(self.result, "steps", ())]
+        self.session = job.session(None, self.base, {"noise": job.noise(sigma)}, anew=found)
 
     @property
     def left_out(self) -> list[int]:
@@ -144,7 +146,8 @@ def plan_further(sessions: Sessions, choice: Choice) -> Plan:
     ]
     options = choice.options()
     found = _core.further(sessions.session, specs, left_out=sessions.left_out, **options)
-    advice = worth_words(found, [terms for terms, _, _ in rivals])
+    needs_length = any(step.needs_length for step in getattr(sessions.result, "steps", ()))
+    advice = worth_words(found, [t for t, _, _ in rivals], needs_length=needs_length)
     if choice.target is not None:
         advice = _standing(found, choice.target, sessions.mechanism.length_unit, advice)
     names = [words(terms) for terms, _, _ in rivals]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rsicalib.facts.shapes import Name
-from rsicalib.report.words import listed_words
+from rsicalib.report.words import MEASURED_LENGTH, listed_words
 
 __all__ = ["MOST_POSES", "how_many", "worth_words"]
 
@@ -18,7 +18,9 @@ LIKELY = 0.5
 """Probability of a decision below which more poses are spoken of."""
 
 
-def worth_words(found: Mapping[str, Any], rivals: Sequence[Sequence[Name]]) -> tuple[str, ...]:
+def worth_words(
+    found: Mapping[str, Any], rivals: Sequence[Sequence[Name]], *, needs_length: bool = False
+) -> tuple[str, ...]:
     """What was left out of a plan, and what would help, in sentences.
 
     Parameters
@@ -27,6 +29,8 @@ def worth_words(found: Mapping[str, Any], rivals: Sequence[Sequence[Name]]) -> t
         What the core planned, and which of its poses are worth a visit.
     rivals : sequence of sequence of Name
         The explanations that are open.
+    needs_length : bool
+        True where two of them differ by the size of the whole.
     """
     worth, out = found["worth"], []
     kept, asked = sum(worth), len(worth)
@@ -39,14 +43,16 @@ def worth_words(found: Mapping[str, Any], rivals: Sequence[Sequence[Name]]) -> t
         out.append(f"{kept} of {asked} poses: any more would be copies, and bring next to nothing.")
     if decides is not None and decides < LIKELY:
         out += _undecided(kept, decides, found["needed"])
-        out += _would(rivals)
+        out += _would(rivals, needs_length=needs_length)
+    elif needs_length:
+        out.append(f"No pose tells the size of the whole: {MEASURED_LENGTH}.")
     elif not kept:
         out.append(OTHERS)
     return tuple(out)
 
 
 OTHERS = (
-    "What would: a wider range of the joints, more samples of each pose, a lower noise, a length "
+    "What would: a wider range of the channels, more samples of each pose, a lower noise, a length "
     "measured."
 )
 
@@ -72,13 +78,15 @@ def _undecided(kept: int, decides: float, needed: float | None) -> list[str]:
     return [f"{text}."]
 
 
-def _would(rivals: Sequence[Sequence[Name]]) -> list[str]:
+def _would(rivals: Sequence[Sequence[Name]], *, needs_length: bool) -> list[str]:
     """What would tell explanations apart that poses do not."""
     effects = [name for terms in rivals for name in terms]
     sensors = sorted({name.target for name in effects if name.klass == "sensor"})
     lengths = sorted({name.target for name in effects if name.klass in ("geometry", "closure")})
     ways = []
-    if sensors:
+    if needs_length:
+        ways.append(MEASURED_LENGTH)
+    elif sensors:
         ways.append(f"move {listed_words(sensors)} over more of their range (limits, workspace)")
     if {"electronics", "load"} & {name.klass for name in effects} or any(n.place for n in effects):
         ways.append("visit the same poses again later, with a pause between, in another order")

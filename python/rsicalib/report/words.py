@@ -707,6 +707,13 @@ def not_tried(result: TraceShape) -> list[str]:
     return [f"{', '.join(names)} (missing: {needs})" for needs, names in by_need.items()]
 
 
+MEASURED_LENGTH = (
+    "measure a distance between two places that stand still, and declare it "
+    "(a `[[closure]]` between them with that `value`)"
+)
+"""What tells the size of the whole, where readings of lengths alone do not."""
+
+
 def _next_measurement(result: TraceShape) -> list[str]:
     out = []
     for step in result.steps:
@@ -721,6 +728,8 @@ def _next_measurement(result: TraceShape) -> list[str]:
             + ("its range" if len(sensors) == 1 else "their ranges"),
             "electronics": "visit the same poses again later, and in another order",
         }.get(step.klass, f"visit poses that differ more at {step.target}")
+        if step.needs_length:
+            how = f"{MEASURED_LENGTH}; no pose tells the size of the whole"
         out.append(
             f"To tell {name_of(step.term)} of {listed_words(sensors)} from "
             f"{listed_words(others[:3])}: {how}."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from rsicalib import _core, options
@@ -134,12 +134,23 @@ class Work:
         return noise_of_channels(noise, self.mechanism)
 
     def session(
-        self, rest: ReadingsArg | None, terms: list[str] | None, options: dict[str, Any]
+        self,
+        rest: ReadingsArg | None,
+        terms: list[str] | None,
+        options: dict[str, Any],
+        *,
+        anew: Collection[tuple[str, str, str | None]] = (),
     ) -> _core.Session:
-        """The core's session."""
+        """The core's session; it does not begin with the effects `anew` of the earlier result."""
         mechanism = self.mechanism
         if self.earlier is not None:
-            mechanism = _core.calibrated_sensors(mechanism, as_applied(self.earlier, mechanism))
+            applied = as_applied(self.earlier, mechanism)
+            # What channels share is fitted as it is reported: beside what is declared.
+            own = {channel.name for channel in mechanism.channels}
+            shared = {at for at, _, _ in applied["parameters"] if at[1] not in own}
+            fitted = {at for at in shared if _core.spec(*at) in (terms or ())}
+            begun = [p for p in applied["parameters"] if p[0] not in {*anew, *fitted}]
+            mechanism = _core.calibrated_sensors(mechanism, {**applied, "parameters": begun})
         values = None
         if rest is not None:
             loaded = load(rest, Bare(self.mechanism), self.skip)

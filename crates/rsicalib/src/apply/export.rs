@@ -116,6 +116,8 @@ struct Effect {
     spec: Spec,
     term: &'static dyn Term,
     target: Target,
+    /// True for what several targets share: told beside what each has of its own, or is declared with.
+    shared: bool,
     values: Vec<f64>,
 }
 
@@ -177,14 +179,17 @@ fn effects(mechanism: &Mechanism, applied: &Applied) -> Result<Vec<Effect>, Erro
     for p in applied.parameters.iter().filter(|p| !is_unknown_thing(&p.spec.term)) {
         let (term, targets) = p.spec.targets(mechanism)?;
         let k = parameter_index(term, &p.name)?;
-        for target in targets.into_iter().flat_map(|target| mechanism.parts(target)) {
+        let parts = |whole: Target| {
+            mechanism.parts(whole).into_iter().map(move |part| (part, whole.is_shared()))
+        };
+        for (target, shared) in targets.into_iter().flat_map(parts) {
             let same = |e: &&mut Effect| e.spec == p.spec && e.target == target;
             match effects.iter_mut().find(same) {
                 Some(effect) => effect.values[k] = p.value,
                 None => {
                     let mut values = vec![0.0; term.info().parameters.len()];
                     values[k] = p.value;
-                    effects.push(Effect { spec: p.spec.clone(), term, target, values });
+                    effects.push(Effect { spec: p.spec.clone(), term, target, shared, values });
                 }
             }
         }
@@ -209,14 +214,20 @@ fn with_lines(
     }
     let mut out = mechanism.clone();
     for (c, channel) in out.channels.iter_mut().enumerate() {
-        let found = |role: Role| {
-            let own = move |e: &&Effect| e.target == Target::Channel(c) && e.term.role() == role;
+        let found = |role: Role, shared: bool| {
+            let own = move |e: &&Effect| {
+                e.target == Target::Channel(c) && e.term.role() == role && e.shared == shared
+            };
             effects.iter().filter(own).map(|e| e.values[0])
         };
-        let gain = found(Role::Gain).next_back().unwrap_or(channel.gain);
-        let turned = channel.offset + (channel.gain - gain) * applied.reference.centre[c];
-        let offset = found(Role::Offset).next_back().unwrap_or(turned);
-        (channel.gain, channel.offset) = (gain, offset + found(Role::Shift).sum::<f64>());
+        let centre = applied.reference.centre[c];
+        let gain = found(Role::Gain, false).next_back().unwrap_or(channel.gain);
+        let turned = channel.offset + (channel.gain - gain) * centre;
+        let offset = found(Role::Offset, false).next_back().unwrap_or(turned);
+        let shift = |shared: bool| found(Role::Shift, shared).sum::<f64>();
+        let (more, moved) = (found(Role::Gain, true).sum::<f64>(), found(Role::Offset, true));
+        channel.gain = gain + more;
+        channel.offset = offset - more * centre + moved.sum::<f64>() + shift(false) + shift(true);
     }
     Ok(out)
 }

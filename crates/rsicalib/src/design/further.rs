@@ -200,8 +200,11 @@ pub fn further(
     };
     let (kept, merged) = merge(&mut contest, &sides, &rows, later.as_ref());
     let sides: Vec<&Side> = kept.iter().map(|&k| &sides[k]).collect();
+    // Of belts nothing is carried whose place a plan could make certain.
+    let carries = session.mechanism.points.iter().any(|point| point.chain.is_some());
     let criterion = options.criterion.unwrap_or(match kept.len() {
-        1 => Criterion::Platform,
+        1 if carries => Criterion::Platform,
+        1 => Criterion::Volume,
         _ => Criterion::Decide,
     });
     if criterion == Criterion::Decide && kept.len() < 2 {
@@ -269,9 +272,9 @@ pub fn further(
     let forecast = Forecast {
         decides: (kept.len() > 1).then(|| decides(&contest.rivals, &columns, &new)),
         least_lambda: (kept.len() > 1).then(|| contest.least()),
-        platform_sd: platform_sd(best, &new, &moments).map(|sd| match planned.poses.is_empty() {
-            true => PlatformRms { orientation: f64::NAN, ..sd },
-            false => sd,
+        platform_sd: platform_sd(best, &new, &moments).map(|sd| PlatformRms {
+            position: if carries { sd.position } else { f64::NAN },
+            orientation: if planned.poses.is_empty() { f64::NAN } else { sd.orientation },
         }),
         worst_hidden: hidden(&session, &fits[kept[0]], &visits, &planned, &steps, &judged)?,
     };

@@ -491,13 +491,6 @@ fn hidden(
 fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
     let mut points: Vec<Point> =
         mechanism.points.iter().filter(|p| p.chain.is_some()).cloned().collect();
-    if points.is_empty() {
-        return Err(Error::Mechanism {
-            place: quoted(&mechanism.name),
-            found: "no point on a chain".into(),
-            expected: "one".into(),
-        });
-    }
     if mechanism.closures.iter().any(|closure| closure.channel.is_some()) {
         return Err(Error::Mechanism {
             place: quoted(&mechanism.name),
@@ -505,6 +498,13 @@ fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
             expected:
                 "channels of joints alone: of others nothing is counted before there are readings"
                     .into(),
+        });
+    }
+    if points.is_empty() {
+        return Err(Error::Mechanism {
+            place: quoted(&mechanism.name),
+            found: "no point on a chain".into(),
+            expected: "one".into(),
         });
     }
     let mut origin = String::from("origin");

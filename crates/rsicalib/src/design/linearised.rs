@@ -52,7 +52,7 @@ impl Whitened {
 
 /// A model of several rivals at the common point.
 pub(crate) struct Linearised<'a> {
-    session: &'a Observations,
+    pub(crate) session: &'a Observations,
     pub(crate) model: Model,
     pub(crate) beta: Vec<f64>,
     pub(crate) noise: Noise,

@@ -329,6 +329,12 @@ impl Mechanism {
         rows.any(|r| r.channel.as_ref() == Some(name) && r.joint == Motion::Prismatic)
     }
 
+    /// True for a channel that slides or reads a length, and of which nothing says how far it goes.
+    pub(crate) fn goes_anywhere(&self, channel: usize) -> bool {
+        let free = |of: &Channel| of.limits.is_none() && of.range.is_none();
+        self.slides(channel) && self.channels.get(channel).is_some_and(free)
+    }
+
     /// The chain that a channel belongs to; `None` for an index beyond the last channel.
     #[must_use]
     pub fn chain_of(&self, channel: usize) -> Option<usize> {

@@ -14,12 +14,13 @@ use faer::linalg::solvers::Svd;
 use faer::{Mat, Side};
 
 use crate::Error;
-use crate::mechanism::Mechanism;
+use crate::mechanism::{Channel, Mechanism};
 use crate::model::compiled::{CompiledClosure, Model};
 use crate::model::ends::End;
 use crate::model::numbering::Unknown;
 use crate::model::prior::Prior;
 use crate::model::scattered::scatter;
+use crate::model::shown::Shown;
 use crate::model::thing::Thing;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::Lanes;
@@ -27,7 +28,7 @@ use crate::numerics::random::Random;
 use crate::numerics::rank::{RANK, eliminated};
 use crate::numerics::workers;
 use crate::readings::{Readings, Table};
-use crate::text::quoted;
+use crate::text::{listed, quoted};
 
 /// Values of a column that tells unknown points apart, where the mechanism names none.
 const PLACEMENTS: usize = 6;
@@ -67,6 +68,8 @@ pub(crate) struct Configurations {
     free: Mechanism,
     /// Lowest and highest coordinate of each channel.
     limits: Vec<[f64; 2]>,
+    /// Of each channel, whether its file says so.
+    declared: Vec<bool>,
     /// What a step of one is for each channel [rad, or length].
     spread: Vec<f64>,
     /// Length of the longest chain.
@@ -77,6 +80,8 @@ pub(crate) struct Configurations {
     places: Vec<Placed>,
     /// Rows of a session that configurations are drawn about, with their keys; empty: about none.
     about: Vec<(Vec<String>, Vec<f64>)>,
+    /// What a session shows of where the mechanism can be; none: its file tells.
+    shown: Option<Shown>,
 }
 
 impl Configurations {
@@ -124,7 +129,8 @@ impl Configurations {
     /// Of a mechanism whose unknown points are told apart by these combinations of their columns,
     /// and lie where a model says.
     pub(crate) fn of_keys(mechanism: &Mechanism, keys: Vec<Vec<String>>) -> Self {
-        let (longest, reach) = (longest(mechanism), reach(mechanism));
+        let reach = reach(mechanism);
+        let longest = longest(mechanism).unwrap_or(reach);
         let mut free = mechanism.clone();
         for channel in &mut free.channels {
             (channel.range, channel.limits) = (None, None);
@@ -133,20 +139,18 @@ impl Configurations {
         for line in &mut free.lines {
             line.direction.get_or_insert([0.0, 0.0, 1.0]);
         }
+        let declared = |c: &Channel| c.limits.is_some() || c.range.is_some();
         let limits: Vec<[f64; 2]> =
             (0..free.channels.len()).map(|c| limits(mechanism, c, longest, reach)).collect();
-        let spread = |c: usize| match (mechanism.moves_joint(c), mechanism.slides(c)) {
-            (true, true) => longest,
-            (true, false) => 1.0,
-            (false, _) => 0.5 * (limits[c][1] - limits[c][0]),
-        };
         Self {
-            spread: (0..free.channels.len()).map(spread).collect(),
+            spread: spread(mechanism, &limits),
             limits,
+            declared: mechanism.channels.iter().map(declared).collect(),
             reach,
             keys,
             places: Vec::new(),
             about: Vec::new(),
+            shown: None,
             free,
         }
     }
@@ -163,6 +167,19 @@ impl Configurations {
             }
         }
         Self { about, ..self }
+    }
+
+    /// The same, within what a session shows where the file does not tell how far the mechanism goes.
+    pub(crate) fn as_shown(mut self, model: &Model, of: (&Readings, &[f64]), beta: &[f64]) -> Self {
+        let Some(shown) = Shown::by(model, of, beta) else { return self };
+        for (c, span) in shown.channels.iter().enumerate() {
+            if let Some(span) = span {
+                let [a, b] = span.map(|reading| self.free.channels[c].angle(reading));
+                self.limits[c] = [a.min(b), a.max(b)];
+            }
+        }
+        self.spread = spread(&self.free, &self.limits);
+        Self { shown: Some(shown), ..self.about(of.0) }
     }
 
     /// The mechanism without ranges and limits.
@@ -264,7 +281,7 @@ impl Configurations {
             return Err(Error::Mechanism {
                 place: quoted(&self.free.name),
                 found: format!("{kept} of {asked} random configurations that close"),
-                expected: "joint limits within which its loops can be closed".into(),
+                expected: self.wanted(),
             });
         }
         let keys: Vec<usize> =
@@ -275,6 +292,26 @@ impl Configurations {
             .map(|k| every().map(|c| c.distances[k]).collect())
             .collect();
         Readings::new(&self.free, self.table(values, &keys, columns))
+    }
+
+    /// What a mechanism lacks whose loops do not close.
+    fn wanted(&self) -> String {
+        let named = |wanted: &dyn Fn(usize) -> bool| -> Vec<String> {
+            let undeclared = (0..self.limits.len()).filter(|&c| !self.declared[c] && wanted(c));
+            undeclared.map(|c| self.free.channels[c].name.clone()).collect()
+        };
+        let measured = named(&|c| self.free.measures(c));
+        let joints = named(&|c| self.free.moves_joint(c) && !self.free.measures(c));
+        let of = |key: &str, channels: &[String]| match channels.is_empty() {
+            true => None,
+            false => Some(format!("`{key}` of the channels {}", listed(channels))),
+        };
+        let wanted: Vec<String> =
+            of("range", &measured).into_iter().chain(of("limits", &joints)).collect();
+        match wanted.is_empty() {
+            true => "lengths, limits and ranges with which its loops can be closed".into(),
+            false => format!("{}, with which its loops can be closed", wanted.join(", ")),
+        }
     }
 
     /// The drawing's parameters, with what is unknown in its place.
@@ -382,7 +419,8 @@ impl Configurations {
         model.evaluate(readings, block, &at, beta, want, &mut ws);
         let lane = |lane: usize| {
             let values: Vec<f64> = at[..self.spread.len()].iter().map(|a| a.0[lane]).collect();
-            let closed = largest(&misclosure(&ws, lane)) < CLOSED && self.within(&values);
+            let closed = largest(&misclosure(&ws, lane)) < CLOSED
+                && self.within(&values, &mut at[self.spread.len()..].iter().map(|a| a.0[lane]));
             let distances = measured(model, readings, block, beta, &ws, lane);
             (meta.rows[lane], closed.then_some(Closed { values, distances }))
         };
@@ -418,13 +456,15 @@ impl Configurations {
         }
     }
 
-    /// True within the limits of the joints; what is on no joint is whatever closes the loops.
-    fn within(&self, values: &[f64]) -> bool {
+    /// True within the limits of the joints, and what a session shows. Without a session what is on no joint
+    /// is whatever closes the loops.
+    fn within(&self, values: &[f64], places: &mut dyn Iterator<Item = f64>) -> bool {
         let channels = self.free.channels.iter().zip(&self.limits).zip(values);
-        channels.enumerate().all(|(k, ((c, [low, high]), v))| {
+        let mut inside = channels.enumerate().map(|(k, ((c, [low, high]), v))| {
             let q = c.angle(*v);
-            (q >= *low && q <= *high) || !self.free.moves_joint(k)
-        })
+            (q >= *low && q <= *high) || !(self.shown.is_some() || self.free.moves_joint(k))
+        });
+        inside.all(|inside| inside) && self.shown.as_ref().is_none_or(|shown| shown.holds(places))
     }
 
     /// The same with what is unknown in places that the tips of chains can touch, known distances
@@ -676,11 +716,18 @@ fn limits(mechanism: &Mechanism, channel: usize, longest: f64, reach: f64) -> [f
     }
 }
 
-/// The longest length of the drawing.
-fn longest(mechanism: &Mechanism) -> f64 {
+/// What a step of one is for each channel [rad, or length]: half of how far it goes, where it does not turn.
+fn spread(mechanism: &Mechanism, limits: &[[f64; 2]]) -> Vec<f64> {
+    let turns = |c: usize| mechanism.moves_joint(c) && !mechanism.slides(c);
+    let of = |(c, [low, high]): (usize, &[f64; 2])| if turns(c) { 1.0 } else { 0.5 * (high - low) };
+    limits.iter().enumerate().map(of).collect()
+}
+
+/// The longest length between joints of the drawing; none where all are zero.
+fn longest(mechanism: &Mechanism) -> Option<f64> {
     let rows = mechanism.chains.iter().flat_map(|c| &c.rows);
     let lengths = rows.flat_map(|r| [r.a, r.d, r.xyz[0], r.xyz[1], r.xyz[2]]);
-    lengths.fold(0.0, |m: f64, v| m.max(v.abs())).max(1e-3)
+    Some(lengths.fold(0.0, |m: f64, v| m.max(v.abs()))).filter(|longest| *longest > 0.0)
 }
 
 /// Length of the longest chain, its rows one behind the other.

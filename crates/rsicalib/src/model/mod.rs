@@ -23,6 +23,7 @@ mod placed;
 mod prior;
 mod redundant;
 mod scattered;
+mod shown;
 mod specification;
 mod spheres;
 mod surfaces;

@@ -11,6 +11,7 @@ use crate::diagnosis::held_out::{HeldOut, held_out, held_out_rows};
 use crate::diagnosis::localisation::{Residual, residual};
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::plausibility::{Absurdity, absurdities};
+use crate::diagnosis::score::candidates::differ_by_scale;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::search::rivals::{self, UNKNOWN_NOISE};
 use crate::diagnosis::trace::{Explanation, Found, Traced, trace};
@@ -125,6 +126,10 @@ pub struct StepReport {
     /// Terms that these poses cannot tell from this one.
     #[cfg_attr(feature = "serde", serde(default))]
     pub also_fits: Vec<Place>,
+    /// True where one of these differs from this term by the size of the whole: a length that is known would tell
+    /// them apart, no pose does.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub needs_length: bool,
     /// What the term did to the platform pose, the other parameters having absorbed what they can.
     #[cfg_attr(feature = "serde", serde(default))]
     pub platform_rms: Option<PlatformRms>,
@@ -649,6 +654,10 @@ fn step(
         chi2_rise: Some(found.rise),
         parameters: parameters.collect(),
         also_fits: found.also.iter().map(|i| Place::of(&traced.small, i)).chain(unknown).collect(),
+        needs_length: found
+            .also
+            .iter()
+            .any(|other| differ_by_scale(&observations.mechanism, &found.instance, other)),
         platform_rms,
         held_out: left_out(traced, &fitted, after),
         curve_law: curve_law(&traced.small, &found.without, &traced.judge, &found.instance),

@@ -102,8 +102,11 @@ fn carries_body(mechanism: &Mechanism, chain: usize) -> bool {
 fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: Target) -> bool {
     let mechanism = &observations.mechanism;
     // Without a length that is known a gain of all lengths is the scale, and nothing else.
-    if term.role() == Role::Gain && !mechanism.has_scale() && completes(mechanism, fit, target) {
-        return false;
+    if term.role() == Role::Gain && !mechanism.has_scale() {
+        let gains = fit.model.instances.iter().filter(|i| i.term.role() == Role::Gain);
+        if of_all_lengths(mechanism, gains.map(|i| i.target).chain([target])) {
+            return false;
+        }
     }
     if target.is_shared() {
         // What all parts have by themselves, they do not share beside that.
@@ -149,14 +152,20 @@ fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: T
     }
 }
 
-/// True where a gain at a target, with those that a fit has elsewhere, is at every channel that reads
-/// a length.
-fn completes(mechanism: &Mechanism, fit: &Fit, target: Target) -> bool {
-    let gains = fit.model.instances.iter().filter(|i| i.term.role() == Role::Gain);
-    let targets = gains.map(|i| i.target).chain([target]);
+/// True where these targets are every channel that reads a length.
+fn of_all_lengths(mechanism: &Mechanism, targets: impl Iterator<Item = Target>) -> bool {
     let at: Vec<usize> = targets.flat_map(|t| mechanism.channels_at(t)).collect();
     let measuring = mechanism.measuring();
     !measuring.is_empty() && measuring.iter().all(|c| at.contains(c))
+}
+
+/// True where two effects are gains that together are the scale: either is the other and another size of the
+/// whole, which no pose tells.
+#[must_use]
+pub(crate) fn differ_by_scale(mechanism: &Mechanism, one: &Instance, other: &Instance) -> bool {
+    [one, other].iter().all(|i| i.term.role() == Role::Gain)
+        && !mechanism.has_scale()
+        && of_all_lengths(mechanism, [one.target, other.target].into_iter())
 }
 
 /// True where any shape over what this term runs over is fitted to its target.
