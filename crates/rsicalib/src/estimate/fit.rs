@@ -409,7 +409,8 @@ fn minimum(
     if judged {
         fit.adjusted = adjusted.map(|it| Adjusted::new(&observations.readings, it));
     } else {
-        let chi2 = (fit.dof >= 1.0 && fit.plausible).then_some([fit.chi2, fit.dof]);
+        let judged = fit.dof >= 1.0 && fit.plausible && !fit.is_lost();
+        let chi2 = judged.then_some([fit.chi2, fit.dof]);
         let play = fit.model.play().iter().any(|play| *play > 0.0);
         fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
         fit.warnings.extend(doubts::of_lengths(observations, &fit.model, &fit.noise));
