@@ -75,6 +75,8 @@ pub enum Determined {
     /// No calculation could begin, or there is none.
     #[default]
     Nothing,
+    /// An unknown frame was not found: whatever is left says nothing of the device.
+    Lost,
     /// The solver did not end at a minimum in which every joint moves.
     NotConverged,
     /// No start led to a fit in which every joint moves: that loops close where it ended is no
@@ -91,6 +93,7 @@ impl Determined {
     #[must_use]
     pub fn of(fit: &Fit, directions: &Directions) -> Self {
         match () {
+            () if fit.is_lost() => Self::Lost,
             // Along an open direction iterations run out: the direction is the reason.
             () if !directions.unobservable.is_empty() && fit.dof >= 1.0 => Self::Unobservable,
             () if !fit.converged() => Self::NotConverged,
@@ -290,6 +293,7 @@ pub fn judge(evidence: &Evidence) -> Judgement {
     let one = |verdict, kind| Judgement { verdict, reasons: vec![Reason::of(kind)] };
     match evidence.determined {
         Determined::Nothing => return one(Verdict::Undetermined, Why::Nothing),
+        Determined::Lost => return one(Verdict::Undetermined, Why::NotConverged),
         _ if evidence.open => return one(Verdict::Implausible, Why::Absurd),
         Determined::Yes if evidence.absurd => return one(Verdict::Implausible, Why::Absurd),
         Determined::NoStart if against(evidence).is_empty() => {
@@ -460,8 +464,10 @@ mod tests {
             let effect = Evidence { open: false, p_value: None, ..open };
             assert_eq!(said(&effect).0, Verdict::Undetermined);
         }
-        let nothing = Evidence { determined: Determined::Nothing, open: true, ..clean() };
-        assert_eq!(said(&nothing).0, Verdict::Undetermined);
+        for determined in [Determined::Nothing, Determined::Lost] {
+            let begun = Evidence { determined, absurd: true, open: true, ..clean() };
+            assert_eq!(said(&begun).0, Verdict::Undetermined);
+        }
     }
 
     #[test]

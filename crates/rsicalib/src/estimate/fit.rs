@@ -33,6 +33,7 @@ use crate::estimate::significance::LEVEL;
 use crate::estimate::sized::sized;
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::Start;
+use crate::estimate::turned::turned;
 use crate::estimate::{search, start};
 use crate::kinematics::elements::Way;
 use crate::model::{Instance, Model, Prior};
@@ -136,16 +137,19 @@ pub fn carry_over(fit: &Fit, model: &Model) -> Vec<f64> {
     beta
 }
 
-/// A start by the search, or, for a mechanism with unknown points, the best anchor with each
-/// unknown point at the mean of the positions at which chains touch it.
+/// A start by the search, or, for a mechanism with something unknown, the best anchor with that where
+/// the data put it. A frame that they do not tell is lost until a fit closes the loops.
 fn begin(observations: &Observations, model: &Model, noise: &Noise) -> Start {
     if model.unknowns.is_empty() && model.pose_unknowns() == 0 {
         return start::search(observations, model, noise);
     }
     let mut beta = search::anchored(observations, model, &vec![1.0; model.scales.len()]);
-    model.place_unknowns(&observations.readings, &mut beta);
+    let untold = model.place_unknowns(&observations.readings, &mut beta);
     let beta = sized(observations, model, noise, beta);
-    Start { beta, ..Start::default() }
+    let beta = turned(observations, model, noise, beta);
+    let lost = |k: usize| Suspicion::Lost { name: model.unknowns[k].name.clone(), open: 0.0 };
+    let warnings = untold.into_iter().map(lost).collect();
+    Start { beta, warnings, ..Start::default() }
 }
 
 /// Largest number of fits, each with the noise of the fit before.
@@ -405,7 +409,8 @@ fn minimum(
     if judged {
         fit.adjusted = adjusted.map(|it| Adjusted::new(&observations.readings, it));
     } else {
-        let chi2 = (fit.dof >= 1.0 && fit.plausible).then_some([fit.chi2, fit.dof]);
+        let judged = fit.dof >= 1.0 && fit.plausible && !fit.is_lost();
+        let chi2 = judged.then_some([fit.chi2, fit.dof]);
         let play = fit.model.play().iter().any(|play| *play > 0.0);
         fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
         fit.warnings.extend(doubts::of_lengths(observations, &fit.model, &fit.noise));
@@ -575,6 +580,14 @@ fn conclude(
     let part = Part { model: &model, readings: &observations.readings, weights };
     let rms_misclosure = part.rms_misclosure(&outcome.x);
     let plausible = !search::collapsed(&model, &outcome.x);
+    let mut warnings = start.warnings;
+    let closes = plausible && chi2 < observations.options.good_start * dof;
+    warnings.retain(|it| !(closes && it.is_lost()));
+    for warning in &mut warnings {
+        if let Suspicion::Lost { open, .. } = warning {
+            *open = rms_misclosure;
+        }
+    }
     if observations.is_long() {
         residuals.by_reading = Vec::new();
     }
@@ -602,7 +615,7 @@ fn conclude(
         starts: start.tries,
         residuals: residuals.into(),
         plausible,
-        warnings: start.warnings,
+        warnings,
         between: None,
         adjusted: None,
     }

@@ -96,7 +96,13 @@ impl Fit {
         self.total + held
     }
 
-    /// True where some start led to a fit in which every joint moves.
+    /// True where an unknown frame was not found.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        self.warnings.iter().any(Suspicion::is_lost)
+    }
+
+    /// True where some start led to a fit in which every joint moves, and every frame is found.
     #[must_use]
     pub fn has_start(&self) -> bool {
         !self.warnings.iter().any(Suspicion::is_no_start)

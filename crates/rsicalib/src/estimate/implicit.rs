@@ -297,6 +297,10 @@ impl Problem for Implicit<'_> {
         self.parts[0].0.model.parameters
     }
 
+    fn moved(&self, x: &[f64], step: &[f64]) -> Vec<f64> {
+        self.parts[0].0.model.moved(x, step)
+    }
+
     fn linearize(&self, x: &[f64]) -> Linearization {
         let mut total = Total::new(self.parameters());
         let mut adjusted = self.adjusted();

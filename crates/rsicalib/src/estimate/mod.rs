@@ -41,6 +41,7 @@ pub mod start;
 pub mod suspicion;
 mod times;
 pub mod tried;
+mod turned;
 mod untouched;
 
 pub use algebraic::Algebraic;

@@ -115,6 +115,13 @@ pub enum Suspicion {
         /// Starts that were tried.
         tried: usize,
     },
+    /// Nothing else tells where an unknown frame is, and from where it is drawn no fit closes the loops.
+    Lost {
+        /// The frame, with its keys.
+        name: String,
+        /// Root mean square of the misclosures where the fit ended.
+        open: f64,
+    },
 }
 
 impl Suspicion {
@@ -124,10 +131,16 @@ impl Suspicion {
         matches!(self, Self::Exchanged { .. } | Self::Reversed { .. })
     }
 
-    /// True where no start led to a fit in which every joint moves.
+    /// True where no start led to a fit in which every joint moves, and every frame is found.
     #[must_use]
     pub fn is_no_start(&self) -> bool {
-        matches!(self, Self::NoStart { .. })
+        matches!(self, Self::NoStart { .. } | Self::Lost { .. })
+    }
+
+    /// True where a frame is not found.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        matches!(self, Self::Lost { .. })
     }
 
     /// True where it is about the wiring, and so found at the start.
@@ -139,6 +152,7 @@ impl Suspicion {
                 | Self::Exchanged { .. }
                 | Self::Gap { .. }
                 | Self::NoStart { .. }
+                | Self::Lost { .. }
                 | Self::Degrees { of: InDegrees::Loop { .. }, .. }
         )
     }

@@ -255,6 +255,7 @@ impl Model {
             mechanism: mechanism.clone(),
             equations: mechanism.equations(),
             gravity: std::array::from_fn(|i| Lanes::splat(gravity[i])),
+            turning: false,
             instances,
             first,
             term_parameters,

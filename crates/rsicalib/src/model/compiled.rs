@@ -242,6 +242,8 @@ pub struct Model {
     /// Largest torque of each load in these readings, by the drawing.
     pub(crate) torques: Vec<f64>,
     pub(crate) gravity: Vec3,
+    /// True where a step turns unknown frames about the axes of the base, [`Model::turning`].
+    pub(super) turning: bool,
     /// True where a term asks for directions or velocities.
     pub(super) moving: bool,
 }

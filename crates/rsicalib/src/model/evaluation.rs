@@ -25,7 +25,7 @@ use crate::kinematics::posture::Posture;
 use crate::mechanism::MOST_PARAMETERS;
 use crate::model::compiled::{CompiledClosure, Model, Patch};
 use crate::model::drives::Drives;
-use crate::model::ends::{End, Measured, rotate, seen_from, turn_axes, turned, unit};
+use crate::model::ends::{End, Measured, rotate, seen_from, turned, unit};
 use crate::model::lean::Lean;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
@@ -532,7 +532,7 @@ impl Model {
                             let parameter = Source::Parameter(source + axis);
                             self.add_column(closure, parameter, &unit(axis), &at, sign, want, ws);
                         }
-                        let axes = turn_axes(&beta[first + 3..first + 6]);
+                        let axes = self.axes_of_turns(&beta[first + 3..first + 6]);
                         for (turn, axis) in axes.iter().enumerate() {
                             let moved = cross(&axis.map(Lanes::splat), &arm);
                             let parameter = Source::Parameter(source + 3 + turn);

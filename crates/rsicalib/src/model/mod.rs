@@ -28,6 +28,8 @@ mod specification;
 mod spheres;
 mod surfaces;
 mod thing;
+mod told_poses;
+mod turning;
 mod unknown_points;
 mod workspace;
 

@@ -16,6 +16,20 @@ use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3};
 use crate::readings::Readings;
 
+/// Pairs of points that tell where a frame is.
+const ENOUGH: usize = 3;
+
+/// What something unknown touches.
+#[derive(Debug, Clone, Default)]
+struct Touched {
+    /// Places at which a point is.
+    places: Vec<Vector3<f64>>,
+    /// Points as a frame sees them, and where they are.
+    pairs: Vec<(Vector3<f64>, Vector3<f64>)>,
+    /// Spheres on which a point is.
+    spheres: Vec<Sphere>,
+}
+
 impl Model {
     /// The parameter that a coordinate of an unknown thing is, by what results call both; none where
     /// these readings do not touch the thing, or where the axes of a plane or a line were chosen by others.
@@ -103,59 +117,42 @@ impl Model {
         Some(rest)
     }
 
-    /// Sets each unknown point to the mean of the positions at which chains touch it, each unknown
+    /// Sets each unknown point to the mean of the positions at which it is touched, each unknown
     /// plane or line through the points that are on it, and each unknown frame where its points are nearest
-    /// to those that they touch. `beta` holds one number per parameter.
-    pub fn place_unknowns(&self, readings: &Readings, beta: &mut [f64]) {
-        let mut touched: Vec<Vec<Vector3<f64>>> = vec![Vec::new(); self.unknowns.len()];
-        let mut pairs: Vec<[Vec<Vector3<f64>>; 2]> =
-            vec![[Vec::new(), Vec::new()]; self.unknowns.len()];
-        let mut spheres: Vec<Vec<Sphere>> = vec![Vec::new(); self.unknowns.len()];
-        let mut ws = Workspace::default();
-        for (block, meta) in readings.blocks().iter().enumerate() {
-            let want = Want { x: false, a: false };
-            self.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
-            let seen = readings.columns(block);
-            self.spheres_of(readings, block, beta, &ws, &mut spheres);
-            let at = |end: &End| self.end_point(end, meta.group, seen, beta, &ws);
-            for closure in self.closures.iter().filter(|c| c.kind.facts().is_vector()) {
-                let put = |into: &mut Vec<Vector3<f64>>, at: &Vec3| {
-                    let lanes = readings.lanes(block, closure.number);
-                    into.extend(lanes.map(|lane| Vector3::from_fn(|i, _| at[i].0[lane])));
-                };
-                for (end, other) in
-                    [(0, 1), (1, 0)].map(|(i, j)| (closure.ends[i], closure.ends[j]))
-                {
-                    if !is_known(&other) {
-                        continue;
-                    }
-                    match end {
-                        End::Unknown(point, ..) => {
-                            put(&mut touched[self.owned[point].numbers[meta.group]], &at(&other));
-                        }
-                        End::Seen(columns, Measured::Unknown(frame)) => {
-                            let [own, there] = &mut pairs[self.owned[frame].numbers[meta.group]];
-                            put(own, &columns.map(|column| seen[column]));
-                            put(there, &at(&other));
-                        }
-                        _ => {}
-                    }
-                }
-            }
-        }
+    /// to those that they touch. What is somewhere else in each pose is where closures put it that touch
+    /// nothing unknown. `beta` holds one number per parameter.
+    ///
+    /// Returns the frames that these places do not tell, by their numbers: they are as drawn, or, where they
+    /// are not drawn, where the poses as drawn have them.
+    pub fn place_unknowns(&self, readings: &Readings, beta: &mut [f64]) -> Vec<usize> {
+        let known = self.of_known();
+        let told = |block, ws: &mut Workspace| known.told_poses(readings, block, beta, ws);
+        let touched = self.touched(readings, beta, told);
         let on = self.points_on(readings, beta);
+        let untold = |(k, own): (usize, &Touched)| {
+            let frame = matches!(self.unknowns[k].thing, Thing::Frame(_));
+            (frame && own.pairs.len() < ENOUGH).then_some(k)
+        };
+        let untold: Vec<usize> = touched.iter().enumerate().filter_map(untold).collect();
+        let as_drawn = (!untold.is_empty() && self.pose_unknowns() > 0).then(|| {
+            let near = |block, ws: &mut Workspace| {
+                known.placed(readings, block, readings.raw(block), beta, ws)
+            };
+            self.touched(readings, beta, near)
+        });
         for (k, unknown) in self.unknowns.iter().enumerate() {
             let own = &mut beta[self.term_parameters + unknown.first..][..unknown.width];
+            let Touched { places, pairs, spheres } = &touched[k];
             match unknown.thing {
-                Thing::Point(p) if !touched[k].is_empty() => {
-                    let mean = touched[k].iter().sum::<Vector3<f64>>() / touched[k].len() as f64;
+                Thing::Point(p) if !places.is_empty() => {
+                    let mean = places.iter().sum::<Vector3<f64>>() / places.len() as f64;
                     let free = self.mechanism.points[p].frees();
                     let free = (0..3).filter(|&axis| free[axis]).map(|axis| mean[axis]);
                     own.iter_mut().zip(free).for_each(|(own, at)| *own = at);
                 }
                 Thing::Point(p) if !self.mechanism.points[p].frees().contains(&false) => {
                     let near = self.mechanism.points[p].at.unwrap_or_default();
-                    if let Some(at) = amid(&spheres[k], near.into()) {
+                    if let Some(at) = amid(spheres, near.into()) {
                         own.copy_from_slice(at.as_slice());
                     }
                 }
@@ -170,31 +167,85 @@ impl Model {
                         own.copy_from_slice(&at);
                     }
                 }
-                Thing::Frame(_) if pairs[k][0].len() >= 3 => {
-                    own.copy_from_slice(&rigid_fit(&pairs[k][0], &pairs[k][1]));
+                Thing::Frame(f) => {
+                    let drawn = self.mechanism.frames[f].pose.is_some();
+                    let near = as_drawn.as_ref().filter(|_| !drawn).map(|all| &all[k].pairs);
+                    let pairs = Some(pairs).filter(|p| p.len() >= ENOUGH).or(near);
+                    if let Some(pairs) = pairs.filter(|pairs| pairs.len() >= ENOUGH) {
+                        let (seen, there): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
+                        own.copy_from_slice(&rigid_fit(&seen, &there));
+                    }
                 }
-                Thing::Point(_) | Thing::Frame(_) => {}
+                Thing::Point(_) => {}
             }
         }
+        untold
     }
 
-    /// For each unknown, the points that chains carry onto it, where it is a plane or a line.
+    /// What each unknown touches, with the readings and what is unknown in their poses of each block as `poses`
+    /// has them.
+    fn touched(
+        &self,
+        readings: &Readings,
+        beta: &[f64],
+        poses: impl Fn(usize, &mut Workspace) -> Vec<Lanes>,
+    ) -> Vec<Touched> {
+        let mut touched = vec![Touched::default(); self.unknowns.len()];
+        let mut ws = Workspace::default();
+        for (block, meta) in readings.blocks().iter().enumerate() {
+            let a = poses(block, &mut ws);
+            self.evaluate(readings, block, &a, beta, Want { x: false, a: false }, &mut ws);
+            let seen = readings.columns(block);
+            self.spheres_of(readings, block, beta, &ws, &mut touched);
+            let at = |end: &End| self.end_point(end, meta.group, seen, beta, &ws);
+            for closure in self.closures.iter().filter(|c| c.kind.facts().is_vector()) {
+                let lanes = |at: &Vec3| -> Vec<Vector3<f64>> {
+                    let lanes = readings.lanes(block, closure.number);
+                    lanes.map(|lane| Vector3::from_fn(|i, _| at[i].0[lane])).collect()
+                };
+                for (end, other) in
+                    [(0, 1), (1, 0)].map(|(i, j)| (closure.ends[i], closure.ends[j]))
+                {
+                    if !is_known(&other) {
+                        continue;
+                    }
+                    let there = lanes(&at(&other));
+                    match end {
+                        End::Unknown(point, ..) => {
+                            let own = &mut touched[self.owned[point].numbers[meta.group]];
+                            own.places.extend(there.into_iter().filter(is_told));
+                        }
+                        End::Seen(columns, Measured::Unknown(frame)) => {
+                            let own = &mut touched[self.owned[frame].numbers[meta.group]];
+                            let seen = lanes(&columns.map(|column| seen[column]));
+                            let told = seen.into_iter().zip(there).filter(|(_, at)| is_told(at));
+                            own.pairs.extend(told);
+                        }
+                        _ => {}
+                    }
+                }
+            }
+        }
+        touched
+    }
+
+    /// For each unknown, the points that are on it, where it is a plane or a line.
     pub(crate) fn points_on(&self, readings: &Readings, beta: &[f64]) -> Vec<Vec<Vector3<f64>>> {
         let mut points = vec![Vec::new(); self.unknowns.len()];
         let mut ws = Workspace::default();
+        let known = self.of_known();
         for (block, meta) in readings.blocks().iter().enumerate() {
             let want = Want { x: false, a: false };
-            self.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
+            let a = known.told_poses(readings, block, beta, &mut ws);
+            self.evaluate(readings, block, &a, beta, want, &mut ws);
             for closure in &self.closures {
                 let Some(thing) = closure.on else { continue };
-                if matches!(closure.ends[0], End::Posed(_)) {
-                    continue;
-                }
                 let seen = readings.columns(block);
                 let at = self.end_point(&closure.ends[0], meta.group, seen, beta, &ws);
                 let own = &mut points[self.owned[thing].numbers[meta.group]];
                 let lanes = readings.lanes(block, closure.number);
-                own.extend(lanes.map(|lane| Vector3::from_fn(|i, _| at[i].0[lane])));
+                let lanes = lanes.map(|lane| Vector3::from_fn(|i, _| at[i].0[lane]));
+                own.extend(lanes.filter(is_told));
             }
         }
         points
@@ -207,7 +258,7 @@ impl Model {
         block: usize,
         beta: &[f64],
         ws: &Workspace,
-        spheres: &mut [Vec<Sphere>],
+        touched: &mut [Touched],
     ) {
         let (meta, seen) = (&readings.blocks()[block], readings.columns(block));
         let lengths = |closure: &&CompiledClosure| {
@@ -220,7 +271,7 @@ impl Model {
                 }
                 _ => continue,
             };
-            if !is_known(&other) {
+            if !is_known(&other) || matches!(other, End::Posed(_)) {
                 continue;
             }
             let at = self.end_point(&other, meta.group, seen, beta, ws);
@@ -229,7 +280,7 @@ impl Model {
                 (None, Some(column)) => seen[column],
                 (None, None) => Lanes::splat(closure.value),
             };
-            let own = &mut spheres[self.owned[number].numbers[meta.group]];
+            let own = &mut touched[self.owned[number].numbers[meta.group]].spheres;
             let centre = |lane: usize| Vector3::from_fn(|i, _| at[i].0[lane]);
             let lanes = readings.lanes(block, closure.number);
             own.extend(lanes.map(|lane| (centre(lane), long.0[lane])));
@@ -265,7 +316,12 @@ impl Model {
     }
 }
 
-/// True for an end whose place is told by readings and terms alone.
+/// True for an end that is nothing unknown.
 fn is_known(end: &End) -> bool {
-    !matches!(end, End::Unknown(..) | End::Posed(_) | End::Seen(_, Measured::Unknown(_)))
+    !matches!(end, End::Unknown(..) | End::Seen(_, Measured::Unknown(_)))
+}
+
+/// True for a place that readings and terms tell.
+fn is_told(at: &Vector3<f64>) -> bool {
+    at.iter().all(|x| x.is_finite())
 }

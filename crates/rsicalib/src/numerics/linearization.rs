@@ -19,6 +19,11 @@ pub trait Problem {
     /// finite where the residual is not defined.
     fn linearize(&self, x: &[f64]) -> Linearization;
 
+    /// The parameters a step away from `x`.
+    fn moved(&self, x: &[f64], step: &[f64]) -> Vec<f64> {
+        x.iter().zip(step).map(|(x, s)| x + s).collect()
+    }
+
     /// [`Problem::linearize`], in the room of an earlier linearisation of the same problem where
     /// that saves its allocation.
     fn linearize_in(&self, x: &[f64], _room: Option<Linearization>) -> Linearization {

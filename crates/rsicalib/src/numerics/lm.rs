@@ -127,7 +127,7 @@ pub fn minimize(problem: &impl Problem, start: &[f64], options: &SolverOptions) 
         };
         let length = weighted_norm(&step, &scale);
         let size = weighted_norm(&x, &scale);
-        let trial: Vec<f64> = x.iter().zip(&step).map(|(x, s)| x + s).collect();
+        let trial = problem.moved(&x, &step);
         if damping == NEGLIGIBLE && length <= options.xtol * size {
             // So short a step changes neither cost nor derivatives: they are not computed again.
             return end(trial, here, iteration, Termination::Step);

@@ -76,7 +76,7 @@ pub enum Kind {
     Exchanged,
     /// The gap of a track lies within the range of motion.
     Gap,
-    /// No start led to a fit in which every joint moves.
+    /// No start led to a fit in which every joint moves, or an unknown frame, `target`, was not found.
     NoStart,
     /// Poses repeat the readings of others.
     SameReadings,
@@ -264,6 +264,7 @@ fn of_suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> Warned {
         }
         Suspicion::Mirrored { name, .. } => (Kind::Mirrored, Some(name.clone())),
         Suspicion::NoStart { .. } => (Kind::NoStart, None),
+        Suspicion::Lost { name, .. } => (Kind::NoStart, Some(name.clone())),
     };
     Warned { kind, target, text: words::suspicion(mechanism, suspicion) }
 }

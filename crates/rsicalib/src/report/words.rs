@@ -295,6 +295,12 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
             "none of {tried} starts led to a fit in which every joint moves: check the wiring, the \
              rest reading and the nominal gains, or record poses that differ more"
         ),
+        Suspicion::Lost { name, open } => format!(
+            "frame {name} was not found: loops are open by {} {} where the fit ended. Give `pose` of the frame, \
+             where it is to within half a radian, or more closures that tell the poses without it",
+            significant(*open, 3),
+            mechanism.length_unit
+        ),
     }
 }
 
