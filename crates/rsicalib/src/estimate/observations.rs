@@ -28,6 +28,9 @@ pub struct Observations {
     pub steps: Vec<f64>,
     /// Poses, from 0, whose readings are those of an earlier pose over again: they count once.
     pub copies: Vec<usize>,
+    /// Rows of held poses that are an earlier row of their pose over again: they count once, and tell no noise.
+    #[doc(hidden)]
+    pub doubled: Vec<usize>,
     /// The options.
     pub options: FitOptions,
     /// True where the noise is from an earlier fit of these readings, which has judged what
@@ -163,8 +166,10 @@ impl Observations {
         let copies = readings.copies();
         let mut weights = vec![1.0; readings.samples];
         let copied = |row: &usize| copies.binary_search(&readings.pose[*row]).is_ok();
-        (0..readings.samples).filter(copied).for_each(|row| weights[row] = 0.0);
         let counters: Vec<bool> = mechanism.channels.iter().map(|c| c.counts()).collect();
+        let doubled = readings.doubled(&counters);
+        let again = (0..readings.samples).filter(copied).chain(doubled.iter().copied());
+        again.for_each(|row| weights[row] = 0.0);
         let steps = codes::steps(&readings.table.values, &counters);
         let centre = match &options.expected {
             Some(expected) if expected.centre.len() == mechanism.channels.len() => {
@@ -186,6 +191,7 @@ impl Observations {
             centre,
             steps,
             copies,
+            doubled,
             options,
             judged: false,
             held,

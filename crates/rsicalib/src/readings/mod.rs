@@ -5,6 +5,7 @@ mod block;
 pub mod codes;
 pub(crate) mod context;
 pub(crate) mod course;
+pub(crate) mod doubled;
 mod holding;
 pub mod plain;
 pub mod sampled;

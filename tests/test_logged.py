@@ -1,0 +1,53 @@
+"""What logs have: rows that were written again."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsicalib
+from tests.machines.kit import Machine
+from tests.machines.trials import MACHINES
+from tests.oracle import Array
+
+# Of one arm or of legs, with unknown places and without.
+SOME = ("sockets", "bar", "fivebar", "legs")
+
+
+def session(name: str, seed: int = 3) -> tuple[Machine, dict[str, Any]]:
+    """A machine, and its readings by column: each pose once, to all digits."""
+    rng = np.random.default_rng(seed)
+    machine = MACHINES[name](rng)
+    read = machine.observe(rng)
+    columns: dict[str, Any] = {"pose": np.arange(len(read)), "time_s": 20.0 * np.arange(len(read))}
+    columns |= dict(zip(machine.columns, read.T, strict=True))
+    return machine, columns | {key: np.array(one) for key, one in machine.text.items()}
+
+
+def some_rows(columns: dict[str, Any], rows: Array) -> dict[str, Any]:
+    return {name: np.asarray(column)[rows] for name, column in columns.items()}
+
+
+# ------------------------------------------------------------------ rows that were written again
+
+
+@pytest.mark.parametrize("name", SOME)
+@pytest.mark.parametrize("times", [1 / 6, 1.0])
+def test_rows_that_were_written_again_count_once(name: str, times: float) -> None:
+    machine, columns = session(name)
+    n = len(columns["pose"])
+    again = np.random.default_rng(1).choice(n, round(n * times), replace=False)
+    once = rsicalib.calibrate(columns, machine.mechanism)
+    found = rsicalib.calibrate(
+        some_rows(columns, np.sort(np.r_[np.arange(n), again])), machine.mechanism
+    )
+    assert (found.verdict, found.noise.source) == (once.verdict, once.noise.source)
+    assert found.fit.dof == once.fit.dof
+    # Offsets are counted from the mean of all rows: fits end within their tolerance.
+    assert found.fit.chi2 == pytest.approx(once.fit.chi2, rel=1e-4)
+    assert found.noise.sigma == pytest.approx(once.noise.sigma)
+    assert [w.kind for w in found.warnings] == ["stale_rows", *(w.kind for w in once.warnings)]
+
+
