@@ -1,4 +1,4 @@
-"""What logs have: rows that were written again."""
+"""What logs have: rows written again, one motion again and again."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rsicalib
+from rsicalib import DEMO
 from tests.machines.kit import Machine
 from tests.machines.trials import MACHINES
 from tests.oracle import Array
@@ -49,5 +50,32 @@ def test_rows_that_were_written_again_count_once(name: str, times: float) -> Non
     assert found.fit.chi2 == pytest.approx(once.fit.chi2, rel=1e-4)
     assert found.noise.sigma == pytest.approx(once.noise.sigma)
     assert [w.kind for w in found.warnings] == ["stale_rows", *(w.kind for w in once.warnings)]
+
+
+# ------------------------------------------------------------------ one motion again and again
+
+
+def cycles(of: int, shuffled: bool) -> dict[str, Any]:
+    """The poses of the demo so many times, each reading within a count, two samples each."""
+    lines = (DEMO / "readings.csv").read_text(encoding="utf-8").splitlines()
+    names, rows = lines[0].split(","), np.loadtxt(lines[1:], delimiter=",")
+    poses = rows.reshape(48, -1, len(names))[:, :2]
+    rng = np.random.default_rng(1)
+    all_ = np.concatenate([poses] * of)
+    all_[:, :, 4:] += rng.integers(-1, 2, all_[:, :, 4:].shape)
+    if shuffled:
+        all_ = all_[rng.permutation(len(all_))]
+    all_[:, :, 0] = 1 + np.arange(len(all_))[:, None]
+    columns = all_.reshape(-1, len(names)).T
+    read = dict(zip(names, columns, strict=True))
+    return {"pose": read["pose"].astype(int)} | {n: read[n] for n in names if n.startswith("a")}
+
+
+def test_a_cycle_hides_no_pose_from_the_search_for_a_start() -> None:
+    # 2,400 poses, of which some 150 are looked at: every 16th is one of three in a cycle of 48.
+    in_cycles, shuffled = (rsicalib.calibrate(cycles(50, mixed)) for mixed in (False, True))
+    assert len(in_cycles.starts) == len(shuffled.starts) == 1
+    # The same rows in another order: the same minimum.
+    assert in_cycles.fit.chi2 == pytest.approx(shuffled.fit.chi2, rel=1e-4)
 
 
