@@ -50,12 +50,14 @@ use crate::terms::term::{Acts, Role};
 ///
 /// # Errors
 ///
-/// [`Error::TooFew`] for fewer equations than parameters, and the errors of [`Model::new`].
+/// [`Error::TooFew`] for fewer equations than parameters, the errors of [`Model::new`], and those of
+/// [`Observations::new`] for options and weights that were changed since.
 pub fn fit(
     observations: &Observations,
     instances: Vec<Instance>,
     from: Option<&Fit>,
 ) -> Result<Fit, Error> {
+    observations.check()?;
     let model = observations.model_after(from.map(|fit| &*fit.model), instances)?;
     let priors = observations.priors(&model);
     let equations = model.told_by(&observations.readings, &observations.weights);

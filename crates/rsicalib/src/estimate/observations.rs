@@ -125,15 +125,16 @@ impl Observations {
     ///
     /// # Errors
     ///
-    /// As [`FitOptions::check`], [`Readings::new`] and [`Mechanism::validate`]; [`Error::Unknown`] for a
-    /// closure in the options that does not exist, [`Error::Mechanism`] for an unknown term of the mechanism.
+    /// As [`FitOptions::check`], [`Readings::new`] and [`Mechanism::validate`]; [`Error::Option`] for noise of another
+    /// number of channels, [`Error::Unknown`] for a closure in the options that does not exist, [`Error::Mechanism`]
+    /// for an unknown term of the mechanism.
     pub fn new(
         mechanism: &Mechanism,
         table: Table,
         rest: Option<Vec<f64>>,
         options: FitOptions,
     ) -> Result<Self, Error> {
-        options.check()?;
+        options.check_for(mechanism.channels.len())?;
         let mechanism = match &options.closures {
             Some(names) => mechanism.with_closures(names)?,
             None => mechanism.clone(),
@@ -196,6 +197,16 @@ impl Observations {
             judged: false,
             held,
         })
+    }
+
+    /// Checks what may have been changed since these observations were made.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        self.options.check_for(self.mechanism.channels.len())?;
+        let (found, expected) = (self.weights.len(), self.readings.samples);
+        match found == expected {
+            true => Ok(()),
+            false => Err(Error::Shape { what: "weights".into(), found, expected }),
+        }
     }
 
     /// Variance of the rounding of each channel.

@@ -75,6 +75,18 @@ impl Default for FitOptions {
 const MOST_STARTS: usize = 100_000;
 
 impl FitOptions {
+    /// Checks that the options can be used for a mechanism of so many channels.
+    pub(crate) fn check_for(&self, channels: usize) -> Result<(), Error> {
+        self.check()?;
+        match self.noise.as_ref().map(Vec::len).filter(|found| *found != channels) {
+            Some(found) => {
+                let expected = format!("one for each of {channels} channels");
+                Err(Error::option("noise", format!("{found} numbers"), expected))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Checks that the options can be used.
     ///
     /// # Errors
