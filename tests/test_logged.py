@@ -1,4 +1,4 @@
-"""What logs have: rows written again, one motion again and again."""
+"""What logs have: rows written again, one motion again and again, a sensor that is stuck."""
 
 from __future__ import annotations
 
@@ -79,3 +79,32 @@ def test_a_cycle_hides_no_pose_from_the_search_for_a_start() -> None:
     assert in_cycles.fit.chi2 == pytest.approx(shuffled.fit.chi2, rel=1e-4)
 
 
+# ------------------------------------------------------------------ a sensor that is stuck
+
+
+@pytest.mark.parametrize("name", SOME)
+def test_a_stuck_sensor_is_named(name: str) -> None:
+    machine, columns = session(name)
+    first = round(0.6 * len(columns["pose"]))
+    # The last moves most of what is closed, whatever the machine.
+    channel = machine.columns[-1]
+    stuck = {
+        **columns,
+        channel: np.where(columns["pose"] < first, columns[channel], columns[channel][first]),
+    }
+    found = rsicalib.trace(stuck, machine.mechanism)
+    told = [w for w in found.warnings if w.kind == "stuck"]
+    assert [w.target for w in told] == [channel]
+    assert f"{first} to {columns['pose'][-1]}" in told[0].text
+
+
+@pytest.mark.parametrize("name", SOME)
+def test_a_joint_that_stands_is_not_stuck(name: str) -> None:
+    """Sound rows: the same pose of all joints again and again, as coarse converters read it."""
+    machine, columns = session(name)
+    rows = np.sort(np.r_[np.arange(len(columns["pose"])), [5] * 30])
+    columns = some_rows(columns, rows) | {"pose": np.arange(len(rows))}
+    for joint, sigma in zip(machine.columns, machine.sigma, strict=True):
+        columns[joint] = np.round(columns[joint] / (8 * sigma)) * 8 * sigma
+    found = rsicalib.trace(columns, machine.mechanism)
+    assert "stuck" not in {w.kind for w in found.warnings}

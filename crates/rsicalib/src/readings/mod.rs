@@ -8,6 +8,7 @@ pub(crate) mod course;
 pub(crate) mod doubled;
 mod holding;
 pub mod plain;
+pub(crate) mod repeating;
 pub mod sampled;
 mod samples;
 pub mod still;
