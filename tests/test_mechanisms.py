@@ -378,3 +378,8 @@ channel = [
 closure = [{name = "both", kind = "equal", between = ["x", "ruler"]}]
 """
     assert rsicalib.Mechanism(text).channels[0].name == "x"
+
+
+def test_text_may_begin_with_the_mark_of_unicode() -> None:
+    text = rsicalib.Mechanism.rsi().to_toml()
+    assert rsicalib.Mechanism("\ufeff" + text) == rsicalib.Mechanism(text)

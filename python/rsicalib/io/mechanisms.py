@@ -36,6 +36,9 @@ __all__ = [
     "read_mechanism",
 ]
 
+MARK = "\ufeff"
+"""What editors write before a text, to say that it is of Unicode."""
+
 URDF_KEYS = {
     "name": "Name of the chain in reports.",
     "urdf": "Path of the description, relative to the mechanism file; its lengths are metres.",
@@ -76,7 +79,7 @@ def load_mechanism(source: str | os.PathLike[str] | Mapping[str, Any]) -> Mechan
     if isinstance(source, Mapping):
         mechanism, file = Mechanism.from_dict(_expanded(dict(source), "mechanism")[0]), "mechanism"
     elif isinstance(source, str) and "\n" in source:
-        mechanism, file = _of_text(source, "mechanism"), "mechanism"
+        mechanism, file = _of_text(source.removeprefix(MARK), "mechanism"), "mechanism"
     else:
         file = os.fspath(source)
         mechanism = BUILTIN[file]() if file in BUILTIN else _of_text(_read(file), file)
@@ -113,7 +116,7 @@ def mechanism_document(
     if isinstance(source, Mapping):
         return Path(), dict(source)
     if isinstance(source, str) and "\n" in source:
-        return Path(), parse_toml(source, "mechanism")
+        return Path(), parse_toml(source.removeprefix(MARK), "mechanism")
     file = os.fspath(source)
     if file in BUILTIN:
         return Path(), {}
