@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 import shutil
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,10 @@ from scipy.optimize import least_squares
 import rsicalib
 from rsicalib import DEMO
 from rsicalib.errors import InputError
+from rsicalib.io.cells import COLUMNS
 from rsicalib.io.mechanisms import expansion_notes, load_mechanism, read_mechanism
 from tests import oracle
+from tests.machines import files
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 MUKCA = Path(__file__).parents[2] / "shared" / "data" / "mukca"
@@ -328,3 +331,55 @@ def test_a_term_of_absurd_length_is_refused_and_not_echoed() -> None:
     with pytest.raises(InputError) as unknown:
         rsicalib.calibrate(DEMO / "readings.csv", terms=["z" * 100_000])
     assert "did you mean" not in str(unknown.value) and len(str(unknown.value)) < 3000
+
+
+# ------------------------------------------------------------------ arrays and names
+
+ARRAYS = [
+    ("point", "at", 3),
+    ("closure", "between", 2),
+    ("channel", "range", 2),
+    (None, "gravity", 3),
+]
+
+
+@pytest.mark.parametrize(("table", "key", "length"), ARRAYS)
+def test_an_array_with_more_entries_than_it_has_is_refused(
+    table: str | None, key: str, length: int
+) -> None:
+    document = rsicalib.Mechanism.rsi().to_dict() | {"gravity": [0.0, 0.0, -1.0]}
+    owner = document if table is None else document[table][0]
+    rsicalib.Mechanism(document)
+    owner[key] = [*owner[key], owner[key][0]]
+    text = files.toml(document)
+    for source in (document, text):
+        with pytest.raises(InputError, match=f"length {length + 1}.*length {length}") as refused:
+            rsicalib.Mechanism(source)
+        assert key in str(refused.value) or "line" in str(refused.value)
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_a_channel_has_no_name_of_a_column_with_a_meaning(name: str, tmp_path: Path) -> None:
+    text = rsicalib.Mechanism.rsi().to_toml().replace('"a22"', f'"{name}"')
+    for source in (text, str(written(tmp_path, text)), tomllib.loads(text)):
+        with pytest.raises(InputError) as refused:
+            rsicalib.Mechanism(source)
+        assert f"channel '{name}'" in str(refused.value)
+
+
+def test_a_stage_may_have_an_axis_x() -> None:
+    text = """
+name = "stage"
+length_unit = "mm"
+channel = [
+  {name = "x", unit = "mm", gain = 1.0, offset = 0.0},
+  {name = "ruler", unit = "mm", gain = 1.0, offset = 0.0},
+]
+closure = [{name = "both", kind = "equal", between = ["x", "ruler"]}]
+"""
+    assert rsicalib.Mechanism(text).channels[0].name == "x"
+
+
+def test_text_may_begin_with_the_mark_of_unicode() -> None:
+    text = rsicalib.Mechanism.rsi().to_toml()
+    assert rsicalib.Mechanism("\ufeff" + text) == rsicalib.Mechanism(text)

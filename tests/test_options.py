@@ -141,6 +141,11 @@ TYPES: dict[str, Callable[[], Any]] = {
     "poses as text": lambda: rsicalib.simulate(poses="x"),  # type: ignore[arg-type]
     "poses as a fraction": lambda: rsicalib.simulate(poses=1.5),  # type: ignore[arg-type]
     "trials as text": lambda: rsicalib.paper("2"),  # type: ignore[arg-type]
+    "a method that is no text": calibrate(method=5),
+    "a device that is no text": calibrate(device=5),
+    "a date that is none": calibrate(date=5),
+    "a switch as text": calibrate(align="x"),
+    "a switch as a number": trace(apply_all=1),
     "poses of the inverse": lambda: rsicalib.inverse("x"),
 }
 
@@ -151,6 +156,12 @@ def test_a_value_of_the_wrong_type_is_a_type_error_too(kind: str) -> None:
         TYPES[kind]()
     assert isinstance(caught.value, TypeError | ValueError)
     assert "found" in str(caught.value) and "expected" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["method", "device", "date", "align", "skip_bad_rows"])
+def test_what_is_no_text_and_no_switch_is_refused_by_its_name(name: str) -> None:
+    with pytest.raises(TypeError, match=f"{name}: found 5, expected"):
+        calibrate(**{name: 5})()
 
 
 def test_poses_that_are_no_numbers_are_refused() -> None:

@@ -20,6 +20,7 @@ import rsicalib
 from benches import honesty as bench
 from benches.honesty import Cell, Honesty
 from rsicalib import Calibration, Trace, _core
+from rsicalib.facts.warned import WIRING
 from tests.blind import effects, simulator
 from tests.blind.effects import Effect
 from tests.blind.scene import held
@@ -236,6 +237,14 @@ def test_a_gap_within_the_range_of_motion_is_named() -> None:
         # Behind the gap of 20° the track begins again.
         readings[:, 1] = np.where(turned > 4095, np.maximum(turned - 4337, 0), turned)
     assert named(fitted(values, pose, rest)) == [("gap", "a12")]
+
+
+@pytest.mark.parametrize("channel", range(9))
+def test_a_stuck_channel_is_named(channel: int) -> None:
+    values, pose, rest = session(40 + channel)
+    values[20:, channel] = values[20, channel]
+    found = [one for one in named(fitted(values, pose, rest)) if one[0] in WIRING - {"no_start"}]
+    assert found == [("stuck", CHANNELS[channel])]
 
 
 def test_a_sound_session_has_no_warnings() -> None:

@@ -135,10 +135,21 @@ def number(name: str, value: Any) -> Any:
     return NUMBERS[name].of(name.rpartition(".")[2], value)
 
 
-def checked(verb: Callable[P, T]) -> Callable[P, T]:
-    """Check the numbers that a verb is given before it begins, and refuse what is no text.
+PLAIN = {"str": (str, "text"), "bool": (bool | np.bool_, "True or False")}
+"""Arguments that are no numbers, by their annotation: what they are, and the same in words."""
 
-    Which of its arguments are numbers is read from their annotations; one without bounds in
+
+def _check_plain(name: str, value: Any, annotation: str) -> None:
+    """Refuse a text that is none, or a switch that is neither on nor off."""
+    kind, expected = PLAIN[annotation.removesuffix(" | None")]
+    if not isinstance(value, kind) and not (value is None and annotation.endswith("None")):
+        raise InputTypeError(f"{name}: found {quoted(value)}, expected {expected}")
+
+
+def checked(verb: Callable[P, T]) -> Callable[P, T]:
+    """Check numbers, texts and switches that a verb is given before it begins.
+
+    Which of its arguments are which is read from their annotations; a number without bounds in
     `NUMBERS` is a KeyError where the verb is defined.
     """
     signature = inspect.signature(verb)
@@ -149,6 +160,7 @@ def checked(verb: Callable[P, T]) -> Callable[P, T]:
         for name, kind in kinds.items()
         if kind.removesuffix(" | None") in ("int", "float")
     }
+    plain = {name: kind for name, kind in kinds.items() if kind.removesuffix(" | None") in PLAIN}
 
     @wraps(verb)
     def run(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -161,6 +173,8 @@ def checked(verb: Callable[P, T]) -> Callable[P, T]:
         for name, (bound, optional) in bounds.items():
             if name in given.arguments and not (optional and given.arguments[name] is None):
                 given.arguments[name] = bound.of(name, given.arguments[name])
+        for name in given.arguments.keys() & plain.keys():
+            _check_plain(name, given.arguments[name], plain[name])
         try:
             return verb(*given.args, **given.kwargs)
         except UnicodeEncodeError as error:  # a byte of a command line that is no UTF-8

@@ -1,6 +1,6 @@
 //! The errors of this crate.
 
-use crate::text::{meant, meant_by, quoted};
+use crate::text::{brief, meant, meant_by, quoted};
 
 /// The known name that may have been meant by what stands in quotation marks.
 fn hint(found: &str, known: &str) -> String {
@@ -48,7 +48,8 @@ pub enum Error {
     },
     /// A reading that is not a number in the channel's range.
     #[error(
-        "reading {row}, channel {channel}: found {found}; expected a number in [{low}, {high}]"
+        "reading {row}, channel {channel}: found {}; expected a number in [{}, {}]",
+        brief(*found), brief(*low), brief(*high)
     )]
     Reading {
         /// Row, counted from 0.

@@ -38,6 +38,13 @@ pub fn number(value: f64) -> String {
     format!("{value:?}")
 }
 
+/// The same as people write it: no `.0` behind a whole number, and no row of zeros.
+#[must_use]
+pub fn brief(value: f64) -> String {
+    let (written, exact) = (value.to_string(), number(value));
+    if written.len() <= exact.len() { written } else { exact }
+}
+
 /// A number rounded to so many digits, without zeros at its end: `0.0529`, `1.2e-05`.
 #[must_use]
 pub fn significant(value: f64, digits: usize) -> String {
@@ -117,6 +124,19 @@ fn distance(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_number_is_a_row_of_zeros() {
+        for (value, text) in [
+            (4095.0, "4095"),
+            (-0.25, "-0.25"),
+            (1e300, "1e300"),
+            (-2.5e-60, "-2.5e-60"),
+            (f64::NAN, "NaN"),
+        ] {
+            assert_eq!(brief(value), text);
+        }
+    }
 
     #[test]
     fn significant_digits_are_written_as_python_writes_them() {

@@ -207,6 +207,9 @@ fn options_that_cannot_be_used_are_refused() {
     for options in [
         FitOptions { closures: Some(Vec::new()), ..default() },
         FitOptions { noise: Some(vec![f64::NAN; 9]), ..default() },
+        FitOptions { noise: Some(vec![1.0; 8]), ..default() },
+        FitOptions { noise: Some(vec![1.0; 10]), ..default() },
+        FitOptions { noise: Some(Vec::new()), ..default() },
         FitOptions { play: -1.0, ..default() },
         FitOptions { starts: 0, ..default() },
         FitOptions { lm: solver(0.0), ..default() },
@@ -215,6 +218,11 @@ fn options_that_cannot_be_used_are_refused() {
         assert!(matches!(found, Err(Error::Option { .. })), "{found:?}");
     }
     let observations = Observations::new(&mechanism, table(3), None, default()).expect("counts");
+    let options = FitOptions { noise: Some(vec![1.0]), ..default() };
+    let found = fit(&Observations { options, ..observations.clone() }, Vec::new(), None);
+    assert!(matches!(found, Err(Error::Option { .. })), "{found:?}");
+    let found = fit(&Observations { weights: vec![1.0], ..observations.clone() }, Vec::new(), None);
+    assert!(matches!(found, Err(Error::Shape { found: 1, expected: 3, .. })), "{found:?}");
     let search = SearchOptions { without: vec!["nonsense".into()], ..SearchOptions::default() };
     let found = traced::report(&observations, &search, None);
     assert!(matches!(found, Err(Error::Unknown { .. })), "{found:?}");

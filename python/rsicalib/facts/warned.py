@@ -13,6 +13,7 @@ WarnedKind: TypeAlias = Literal[
     "reversed",
     "exchanged",
     "gap",
+    "stuck",
     "no_start",
     "same_readings",
     "follow",
@@ -50,7 +51,10 @@ WarnedKind: TypeAlias = Literal[
 KINDS: tuple[WarnedKind, ...] = get_args(WarnedKind)
 
 WIRING: frozenset[WarnedKind] = frozenset(
-    ("reversed", "exchanged", "gap", "no_start", "constant", "stuck_bit", "clipped", "end_of_range")
+    (
+        *("reversed", "exchanged", "gap", "stuck", "no_start"),
+        *("constant", "stuck_bit", "clipped", "end_of_range"),
+    )
 )
 """What somebody at the device can mend: a wire, a converter, the place of a sensor on its shaft."""
 

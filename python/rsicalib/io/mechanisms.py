@@ -14,6 +14,7 @@ from typing import Any
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError, Where
 from rsicalib.io.builtin import BUILTIN
+from rsicalib.io.cells import COLUMNS, POSE
 from rsicalib.io.foreign import refuse_foreign
 from rsicalib.io.mjcf import is_mjcf, mechanism_of_mjcf
 from rsicalib.io.sources import read_text
@@ -34,6 +35,9 @@ __all__ = [
     "mechanism_html",
     "read_mechanism",
 ]
+
+MARK = "\ufeff"
+"""What editors write before a text, to say that it is of Unicode."""
 
 URDF_KEYS = {
     "name": "Name of the chain in reports.",
@@ -73,11 +77,25 @@ def load_mechanism(source: str | os.PathLike[str] | Mapping[str, Any]) -> Mechan
     expansion_notes : what the rows could not take in.
     """
     if isinstance(source, Mapping):
-        return Mechanism.from_dict(_expanded(dict(source), "mechanism")[0])
-    if isinstance(source, str) and "\n" in source:
-        return _of_text(source, "mechanism")
-    file = os.fspath(source)
-    return BUILTIN[file]() if file in BUILTIN else _of_text(_read(file), file)
+        mechanism, file = Mechanism.from_dict(_expanded(dict(source), "mechanism")[0]), "mechanism"
+    elif isinstance(source, str) and "\n" in source:
+        mechanism, file = _of_text(source.removeprefix(MARK), "mechanism"), "mechanism"
+    else:
+        file = os.fspath(source)
+        mechanism = BUILTIN[file]() if file in BUILTIN else _of_text(_read(file), file)
+    _check_names(mechanism, file)
+    return mechanism
+
+
+def _check_names(mechanism: Mechanism, file: str) -> None:
+    """Refuse a channel whose column means something else in every file of readings."""
+    for channel in mechanism.channels:
+        if channel.name in COLUMNS:
+            if channel.name in POSE and not mechanism.to_dict().get("platform"):
+                continue  # no file holds poses of a platform that there is not
+            place, found = f"channel {channel.name!r}", "the name of a column with a meaning"
+            hint = f"In readings a column of that name holds: {COLUMNS[channel.name]}"
+            refuse(file, place, found=found, expected="another name", hint=hint)
 
 
 def mechanism_document(
@@ -98,7 +116,7 @@ def mechanism_document(
     if isinstance(source, Mapping):
         return Path(), dict(source)
     if isinstance(source, str) and "\n" in source:
-        return Path(), parse_toml(source, "mechanism")
+        return Path(), parse_toml(source.removeprefix(MARK), "mechanism")
     file = os.fspath(source)
     if file in BUILTIN:
         return Path(), {}

@@ -405,10 +405,15 @@ def quoted(cell: Any) -> str:
         return "blank"
     value = _number(cell)
     if math.isfinite(value):
-        return str(value) if isinstance(cell, np.floating | float) else str(cell).strip()
+        return str(value) if isinstance(cell, np.floating | float) else _cut(str(cell).strip())
     if isinstance(cell, np.floating | float):
         return "NaN" if math.isnan(value) else str(value)
     shown = str(cell).strip()
     other = " in digits other than 0 to 9" if any(map(str.isdecimal, shown)) else ""
     other = "" if shown.isascii() else other
-    return repr(shown if len(shown) <= 40 else f"{shown[:37]}...") + other
+    return repr(_cut(shown)) + other
+
+
+def _cut(shown: str) -> str:
+    """A text, of which no more than a line is shown."""
+    return shown if len(shown) <= 40 else f"{shown[:37]}..."

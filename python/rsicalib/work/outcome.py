@@ -14,10 +14,11 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
-from rsicalib.errors import InputError
+from rsicalib.errors import InputError, InputTypeError
 from rsicalib.facts.records import plain
 from rsicalib.facts.shapes import Before, Data, Moved, Parameter, Skipped
 from rsicalib.io.readings import Readings
+from rsicalib.plain_text import quoted
 from rsicalib.results.result import Result
 
 __all__ = [
@@ -46,11 +47,13 @@ def _iso(date: DateArg) -> str:
     """A date, or a date and a time, as ISO 8601 has it."""
     if isinstance(date, datetime.date):
         return date.isoformat()
+    expected = "an ISO 8601 date such as 2025-03-01 or 2025-03-01T14:30"
+    if not isinstance(date, str):
+        raise InputTypeError(f"date: found {quoted(date)}, expected {expected}")
     for kind in (datetime.date, datetime.datetime):
         with contextlib.suppress(ValueError):
             return kind.fromisoformat(date).isoformat()
-    expected = "an ISO 8601 date such as 2025-03-01 or 2025-03-01T14:30"
-    raise InputError(f"date: found {date!r}, expected {expected}")
+    raise InputError(f"date: found {quoted(date)}, expected {expected}")
 
 
 def described(readings: Sequence[Readings]) -> Data:

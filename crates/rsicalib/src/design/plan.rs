@@ -19,7 +19,7 @@ use crate::model::{Model, parse};
 use crate::numerics::random::Random;
 use crate::numerics::workers;
 use crate::readings::{Readings, Table};
-use crate::text::listed_numbers;
+use crate::text::{brief, listed_numbers};
 
 /// A box of poses: lowest and highest x, y, z (length unit), rx, ry, rz (rad).
 pub type Within = [[f64; 2]; 6];
@@ -391,5 +391,5 @@ fn check_noise(noise: f64) -> Result<(), Error> {
     if noise.is_finite() && noise > 0.0 {
         return Ok(());
     }
-    Err(Error::option("noise", noise, "a number of readings above 0"))
+    Err(Error::option("noise", brief(noise), "a number of readings above 0"))
 }

@@ -51,12 +51,14 @@ use crate::terms::term::{Acts, Role};
 ///
 /// # Errors
 ///
-/// [`Error::TooFew`] for fewer equations than parameters, and the errors of [`Model::new`].
+/// [`Error::TooFew`] for fewer equations than parameters, the errors of [`Model::new`], and those of
+/// [`Observations::new`] for options and weights that were changed since.
 pub fn fit(
     observations: &Observations,
     instances: Vec<Instance>,
     from: Option<&Fit>,
 ) -> Result<Fit, Error> {
+    observations.check()?;
     let model = observations.model_after(from.map(|fit| &*fit.model), instances)?;
     let priors = observations.priors(&model);
     let equations = model.told_by(&observations.readings, &observations.weights);
@@ -424,7 +426,9 @@ fn minimum(
         let refit = |other: &Observations| fit_by(other, fit.model.instances.clone());
         let mut said = Vec::new();
         let noise = fit.assumed();
-        if !fit.warnings.iter().any(Suspicion::of_wiring) {
+        let left = if no_start { f64::INFINITY } else { fit.chi2 / fit.dof };
+        said.extend(miswired::stuck(observations, &noise, left, refit));
+        if !fit.warnings.iter().chain(&said).any(Suspicion::of_wiring) {
             if fit.plausible {
                 said.extend(degrees::of_fit(observations, &fit.model, &fit.beta));
             }
@@ -432,7 +436,6 @@ fn minimum(
         }
         let wired = !fit.warnings.iter().any(|it| it.of_wiring() && !it.is_no_start());
         if wired && !said.iter().any(Suspicion::of_wiring) {
-            let left = if no_start { f64::INFINITY } else { fit.chi2 / fit.dof };
             said.extend(miswired::miswired(observations, &fit.model, &noise, left, fit_by));
             if !said.iter().any(Suspicion::of_wiring) {
                 said.extend(lengths::in_other_unit(observations, &noise, left, refit));

@@ -30,6 +30,9 @@ pub struct Observations {
     pub steps: Vec<f64>,
     /// Poses, from 0, whose readings are those of an earlier pose over again: they count once.
     pub copies: Vec<usize>,
+    /// Rows of held poses that are an earlier row of their pose over again: they count once, and tell no noise.
+    #[doc(hidden)]
+    pub doubled: Vec<usize>,
     /// The options.
     pub options: FitOptions,
     /// True where the noise is from an earlier fit of these readings, which has judged what
@@ -124,15 +127,16 @@ impl Observations {
     ///
     /// # Errors
     ///
-    /// As [`FitOptions::check`], [`Readings::new`] and [`Mechanism::validate`]; [`Error::Unknown`] for a
-    /// closure in the options that does not exist, [`Error::Mechanism`] for an unknown term of the mechanism.
+    /// As [`FitOptions::check`], [`Readings::new`] and [`Mechanism::validate`]; [`Error::Option`] for noise of another
+    /// number of channels, [`Error::Unknown`] for a closure in the options that does not exist, [`Error::Mechanism`]
+    /// for an unknown term of the mechanism.
     pub fn new(
         mechanism: &Mechanism,
         table: Table,
         rest: Option<Vec<f64>>,
         options: FitOptions,
     ) -> Result<Self, Error> {
-        options.check()?;
+        options.check_for(mechanism.channels.len())?;
         let mechanism = match &options.closures {
             Some(names) => mechanism.with_closures(names)?,
             None => mechanism.clone(),
@@ -165,8 +169,10 @@ impl Observations {
         let copies = readings.copies();
         let mut weights = vec![1.0; readings.samples];
         let copied = |row: &usize| copies.binary_search(&readings.pose[*row]).is_ok();
-        (0..readings.samples).filter(copied).for_each(|row| weights[row] = 0.0);
         let counters: Vec<bool> = mechanism.channels.iter().map(|c| c.counts()).collect();
+        let doubled = readings.doubled(&counters);
+        let again = (0..readings.samples).filter(copied).chain(doubled.iter().copied());
+        again.for_each(|row| weights[row] = 0.0);
         let steps = codes::steps(&readings.table.values, &counters);
         let centre = match &options.expected {
             Some(expected) if expected.centre.len() == mechanism.channels.len() => {
@@ -188,6 +194,7 @@ impl Observations {
             centre,
             steps,
             copies,
+            doubled,
             options,
             judged: false,
             held,
@@ -208,6 +215,16 @@ impl Observations {
         at.for_each(|channel| free[channel] = true);
         let drawn = free.iter().zip(&mut self.centre).filter(|(free, _)| !**free);
         drawn.for_each(|(_, centre)| *centre = 0.0);
+    }
+
+    /// Checks what may have been changed since these observations were made.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        self.options.check_for(self.mechanism.channels.len())?;
+        let (found, expected) = (self.weights.len(), self.readings.samples);
+        match found == expected {
+            true => Ok(()),
+            false => Err(Error::Shape { what: "weights".into(), found, expected }),
+        }
     }
 
     /// Variance of the rounding of each channel.

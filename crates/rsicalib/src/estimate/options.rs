@@ -4,6 +4,7 @@ use crate::Error;
 use crate::estimate::expected::Expected;
 use crate::estimate::progress::Progress;
 use crate::numerics::lm;
+use crate::text::brief;
 
 /// Which objective.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -75,6 +76,18 @@ impl Default for FitOptions {
 const MOST_STARTS: usize = 100_000;
 
 impl FitOptions {
+    /// Checks that the options can be used for a mechanism of so many channels.
+    pub(crate) fn check_for(&self, channels: usize) -> Result<(), Error> {
+        self.check()?;
+        match self.noise.as_ref().map(Vec::len).filter(|found| *found != channels) {
+            Some(found) => {
+                let expected = format!("one for each of {channels} channels");
+                Err(Error::option("noise", format!("{found} numbers"), expected))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Checks that the options can be used.
     ///
     /// # Errors
@@ -86,10 +99,10 @@ impl FitOptions {
         }
         let unusable = |sigma: &&f64| !(sigma.is_finite() && **sigma > 0.0);
         if let Some(sigma) = self.noise.iter().flatten().find(unusable) {
-            return Err(Error::option("noise", sigma, "numbers above 0"));
+            return Err(Error::option("noise", brief(*sigma), "numbers above 0"));
         }
         if !(self.play.is_finite() && self.play >= 0.0) {
-            return Err(Error::option("play", self.play, "a number, 0 or more"));
+            return Err(Error::option("play", brief(self.play), "a number, 0 or more"));
         }
         if !(1..=MOST_STARTS).contains(&self.starts) {
             let expected = format!("1 to {MOST_STARTS}");
@@ -106,7 +119,7 @@ impl FitOptions {
         }
         for (name, value) in [("xtol", self.lm.xtol), ("ftol", self.lm.ftol)] {
             if !(value > 0.0 && value < 1.0) {
-                return Err(Error::option(name, value, "a number above 0 and below 1"));
+                return Err(Error::option(name, brief(value), "a number above 0 and below 1"));
             }
         }
         Ok(())

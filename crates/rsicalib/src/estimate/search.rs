@@ -23,6 +23,7 @@ use crate::mechanism::{Closure, Mechanism, Target, Value};
 use crate::model::{Model, Prior};
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
+use crate::numerics::thin;
 use crate::readings::Readings;
 use crate::terms::term::{Acts, Role};
 
@@ -220,7 +221,7 @@ impl<'a> StartSearch<'a> {
         let all = &observations.readings;
         let rows = match all.held {
             true => spread(&all.rows_of_poses(), SAMPLES),
-            false => (0..all.samples).step_by(all.samples.div_ceil(SAMPLES)).collect(),
+            false => thin::spread(all.samples, SAMPLES).collect(),
         };
         let few = || all.some(&observations.mechanism, &rows).ok();
         let (readings, weights) = match (rows.len() < all.samples).then(few).flatten() {
@@ -389,13 +390,13 @@ const EASIER: f64 = 0.01;
 
 /// About `most` rows, spread evenly over the poses.
 fn spread(poses: &[Vec<usize>], most: usize) -> Vec<usize> {
-    let stride = poses.len().div_ceil(most).max(1);
     let each = (most / poses.len().max(1)).max(1);
     let of = |rows: &Vec<usize>| {
         let step = rows.len().div_ceil(each).max(1);
         rows.iter().copied().step_by(step).collect::<Vec<_>>()
     };
-    let mut rows: Vec<usize> = poses.iter().step_by(stride).flat_map(of).collect();
+    let mut rows: Vec<usize> =
+        thin::spread(poses.len(), most).flat_map(|pose| of(&poses[pose])).collect();
     rows.sort_unstable();
     rows
 }

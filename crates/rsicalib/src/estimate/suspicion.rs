@@ -33,6 +33,23 @@ pub enum Suspicion {
         /// How well the loop closes without those rows.
         closes: Closes,
     },
+    /// A channel reads one value in many rows, to the last digit, while others move.
+    Stuck {
+        /// The channel.
+        channel: usize,
+        /// What it reads.
+        reads: f64,
+        /// The first of these rows.
+        first: usize,
+        /// How many they are.
+        rows: usize,
+        /// Rows in all.
+        of: usize,
+        /// Labels of the first and the last of their poses, where poses were held.
+        poses: Option<[i64; 2]>,
+        /// How well the loop closes without them.
+        closes: Closes,
+    },
     /// Poses repeat the readings of others, digit by digit.
     SameReadings {
         /// How many poses.
@@ -151,6 +168,7 @@ impl Suspicion {
             Self::Reversed { .. }
                 | Self::Exchanged { .. }
                 | Self::Gap { .. }
+                | Self::Stuck { .. }
                 | Self::NoStart { .. }
                 | Self::Lost { .. }
                 | Self::Degrees { of: InDegrees::Loop { .. }, .. }

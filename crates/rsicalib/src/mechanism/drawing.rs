@@ -9,6 +9,8 @@ use std::f64::consts::PI;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::closures::ClosureKind;
+#[cfg(feature = "serde")]
+use crate::mechanism::exactly;
 use crate::mechanism::law::Law;
 use crate::mechanism::places::{Column, Frame, Line, Plane, is_of_each_pose};
 
@@ -27,6 +29,7 @@ pub struct Mechanism {
     pub length_unit: String,
     /// Direction in which weights pull, in base coordinates; any length but zero.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::optional"))]
     pub gravity: Option<[f64; 3]>,
     /// Sensors, in the order of the columns of readings.
     #[cfg_attr(feature = "serde", serde(rename = "channel"))]
@@ -58,6 +61,7 @@ pub struct Mechanism {
     pub closures: Vec<Closure>,
     /// The points that carry the platform: names of `points`, and positions in the platform's frame.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "BTreeMap::is_empty"))]
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::named"))]
     pub platform: BTreeMap<String, [f64; 3]>,
     /// A platform pose that is known without a measurement.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
@@ -81,16 +85,22 @@ pub struct Mechanism {
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct Workspace {
     /// In length units.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::array"))]
     pub x: [f64; 2],
     /// In length units.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::array"))]
     pub y: [f64; 2],
     /// In length units.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::array"))]
     pub z: [f64; 2],
     /// In radians, eq. (1).
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::array"))]
     pub rx: [f64; 2],
     /// In radians.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::array"))]
     pub ry: [f64; 2],
     /// In radians.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::array"))]
     pub rz: [f64; 2],
 }
 
@@ -129,6 +139,7 @@ pub struct Channel {
     pub label: Option<String>,
     /// Lowest and highest reading, if bounded.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::optional"))]
     pub range: Option<[f64; 2]>,
     /// Joint coordinate per reading: rad per reading, or length per reading for a prismatic joint.
     pub gain: f64,
@@ -136,6 +147,7 @@ pub struct Channel {
     pub offset: f64,
     /// Joint limits, in the joint's coordinate.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::optional"))]
     pub limits: Option<[f64; 2]>,
     /// Standard deviation of one reading, in its unit, where it is known.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
@@ -289,15 +301,18 @@ pub struct Row {
     pub alpha: f64,
     /// A second translation, in length units, after `alpha`: the origin of a URDF link.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::array"))]
     pub xyz: [f64; 3],
     /// A second rotation, roll-pitch-yaw (rad).
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::array"))]
     pub rpy: [f64; 3],
     /// Mass of the body after the joint; any unit, the same for all rows.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub mass: Option<f64>,
     /// Centre of that mass, in the frame after the joint, in length units.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_default"))]
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::array"))]
     pub com: [f64; 3],
 }
 
@@ -394,6 +409,7 @@ pub struct Point {
     /// Position in length units, in the frame at the end of the chain, in `frame`, or in the base. Of an
     /// unknown point where it is looked for, and what stays as drawn.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::optional"))]
     pub at: Option<[f64; 3]>,
     /// Key columns of the readings: each distinct combination of their values is one unknown point;
     /// `[]` is one point for all rows, `["pose"]` one for each pose.
@@ -404,6 +420,7 @@ pub struct Point {
     pub free: Option<Vec<String>>,
     /// Columns of the readings with its measured coordinates, in length units.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::optional"))]
     pub columns: Option<[String; 3]>,
     /// The frame of the measured coordinates, or of `at` of a point of a rigid body; the base where it is
     /// left out.
@@ -473,6 +490,7 @@ pub struct Closure {
     /// What holds.
     pub kind: ClosureKind,
     /// Names of what it is between: two points, a point and a plane or a line, or two channels.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::array"))]
     pub between: [String; 2],
     /// The distance, or of a plane the column that says how high above it the point is; `None` for a kind
     /// without, or where a channel measures it.
@@ -505,6 +523,7 @@ impl Closure {
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Rest {
     /// `x y z` in length units, `rx ry rz` in radians, eq. (1).
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::array"))]
     pub pose: [f64; 6],
     /// Standard deviation of each point of the platform in this pose, in length units; `None`: the
     /// pose is a start of the search and not an observation.

@@ -6,6 +6,8 @@ mod checked_places;
 mod checks;
 mod degrees;
 mod drawing;
+#[cfg(feature = "serde")]
+mod exactly;
 pub mod hand_controller;
 mod law;
 mod place_name;

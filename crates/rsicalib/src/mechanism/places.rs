@@ -2,6 +2,9 @@
 
 use nalgebra::Vector3;
 
+#[cfg(feature = "serde")]
+use crate::mechanism::exactly;
+
 /// In the place of a key column: one unknown for each pose.
 const EACH_POSE: &str = "pose";
 
@@ -16,6 +19,7 @@ pub struct Plane {
     /// The normal, in base coordinates; any length but zero. Of an unknown plane the direction from
     /// which its tilts are counted; the nearest axis of the base where it is left out.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::optional"))]
     pub normal: Option<[f64; 3]>,
     /// Distance of the plane from the origin of the base along the unit normal, in length units.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
@@ -37,10 +41,12 @@ pub struct Line {
     /// A point of the line, in base coordinates, in length units. Of an unknown line where it is looked
     /// for in rows that do not tell.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::optional"))]
     pub at: Option<[f64; 3]>,
     /// Direction of the line, in base coordinates; any length but zero. Of an unknown line the direction
     /// from which its tilts are counted; the nearest axis of the base where it is left out.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::optional"))]
     pub direction: Option<[f64; 3]>,
     /// Key columns of the readings: each distinct combination of their values is one unknown line;
     /// `[]` is one line for all rows.
@@ -59,6 +65,7 @@ pub struct Frame {
     /// Where it is in the base: `x y z` in length units, `rx ry rz` in radians, eq. (1). Of a body that is
     /// somewhere else in each pose where it is looked for, and what stays as drawn.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::optional"))]
     pub pose: Option<[f64; 6]>,
     /// Key columns of the readings: each distinct combination of their values is one unknown frame;
     /// `[]` is one frame for all rows, `["pose"]` one for each pose: a body that moves.

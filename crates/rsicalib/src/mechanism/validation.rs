@@ -8,7 +8,7 @@ use crate::mechanism::drawing::{Channel, Closure, Mechanism, Point, Row, Value};
 use crate::mechanism::law::{Law, Variable};
 use crate::mechanism::queries::list;
 use crate::numerics::bounds;
-use crate::text::{number, quoted};
+use crate::text::{brief, number, quoted};
 
 impl Mechanism {
     /// Checks that every name is known and unique, and that every number can be used.
@@ -97,7 +97,7 @@ impl Mechanism {
             }
             if low > high {
                 let expected = "the lower end first".into();
-                let found = format!("[{low}, {high}]");
+                let found = format!("[{}, {}]", brief(low), brief(high));
                 return Err(refuse(format!("workspace, {name}"), found, expected));
             }
         }
@@ -353,7 +353,11 @@ fn check_channel(channel: &Channel) -> Result<(), Error> {
     for [low, high] in channel.range.iter().chain(&channel.limits) {
         if !(bounds::usable(*low) && bounds::usable(*high) && low < high) {
             let expected = "the lower end before the upper";
-            return Err(refuse(place(), format!("[{low}, {high}]"), expected.into()));
+            return Err(refuse(
+                place(),
+                format!("[{}, {}]", brief(*low), brief(*high)),
+                expected.into(),
+            ));
         }
     }
     for (what, size) in [("noise", channel.noise), ("share", channel.share)] {

@@ -1,6 +1,7 @@
 //! Readings that repeat: a channel is stuck where one does for longer than chance lets it.
 
 use crate::monitor::kept::{Bytes, Keep, fields};
+use crate::readings::repeating::Repeating;
 
 /// Readings that repeat: how long each channel has, while others move.
 #[derive(Debug, Clone)]
@@ -21,9 +22,8 @@ impl Runs {
             last: vec![f64::NAN; channels],
             length: vec![0; channels],
             began: vec![0; channels],
-            // As if one of two had repeated: nothing is known of the converter's steps.
-            repeats: vec![1.0; channels],
-            chances: vec![2.0; channels],
+            repeats: vec![Repeating::UNKNOWN.again; channels],
+            chances: vec![Repeating::UNKNOWN.chances; channels],
         }
     }
 
@@ -34,10 +34,10 @@ impl Runs {
             self.length[channel] += 1;
             return false;
         }
-        let length = self.length[channel];
-        if length >= 2 && !stuck {
-            self.repeats[channel] += (length - 2) as f64;
-            self.chances[channel] += (length - 1) as f64;
+        if !stuck {
+            let mut shown = self.shown(channel);
+            shown.end(self.length[channel]);
+            (self.repeats[channel], self.chances[channel]) = (shown.again, shown.chances);
         }
         (self.last[channel], self.length[channel], self.began[channel]) = (reading, 1, row);
         true
@@ -46,9 +46,12 @@ impl Runs {
     /// First row of the present run of a channel, and the logarithm of the probability that a run of
     /// two goes on for so long by chance.
     pub(crate) fn of(&self, channel: usize) -> (u64, f64) {
-        let more = self.length[channel].saturating_sub(2) as f64;
-        let again = self.repeats[channel] / self.chances[channel];
-        (self.began[channel], more * again.ln())
+        (self.began[channel], self.shown(channel).chance(self.length[channel]))
+    }
+
+    /// What the runs that have ended show.
+    fn shown(&self, channel: usize) -> Repeating {
+        Repeating { again: self.repeats[channel], chances: self.chances[channel] }
     }
 
     /// Rows of the present run.

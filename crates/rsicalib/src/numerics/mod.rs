@@ -23,4 +23,5 @@ pub(crate) mod schur;
 pub(crate) mod search;
 pub(crate) mod small;
 pub(crate) mod symmetric;
+pub(crate) mod thin;
 pub(crate) mod workers;

@@ -14,6 +14,7 @@ use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::readings::block::Block;
 use crate::readings::context::{STRETCH, direction, is_motion, sides, standstills, velocities};
 use crate::readings::course::{CourseAt, Courses};
+use crate::readings::doubled::doubled;
 use crate::readings::holding::Holding;
 use crate::readings::table::{Part, Table, mean_of};
 use crate::readings::way::{Memories, Memory, Visits};
@@ -689,6 +690,23 @@ impl Readings {
         poses.sort_unstable();
         poses.dedup();
         poses
+    }
+
+    /// Rows that are an earlier row of their held pose over again, to the last digit of all that was read.
+    /// `counts` says which channels are counters.
+    pub(crate) fn doubled(&self, counts: &[bool]) -> Vec<usize> {
+        if !self.held {
+            return Vec::new();
+        }
+        let mut found = doubled(&self.table.values, counts, &self.rows_of_poses());
+        if !found.is_empty() {
+            // What is read beside the channels may be new.
+            let mut seen = std::collections::HashSet::new();
+            let new = |row: &usize| seen.insert((self.pose[*row], self.content(&[*row])));
+            let new: std::collections::HashSet<usize> = (0..self.samples).filter(new).collect();
+            found.retain(|row| !new.contains(row));
+        }
+        found
     }
 
     /// All that these rows hold, time, temperature and labels aside.

@@ -76,6 +76,8 @@ pub enum Kind {
     Exchanged,
     /// The gap of a track lies within the range of motion.
     Gap,
+    /// A channel is stuck at one reading while others move.
+    Stuck,
     /// No start led to a fit in which every joint moves, or an unknown frame, `target`, was not found.
     NoStart,
     /// Poses repeat the readings of others.
@@ -250,6 +252,7 @@ fn of_suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> Warned {
         Suspicion::Reversed { channels: of, .. } => (Kind::Reversed, channels(of)),
         Suspicion::Exchanged { channels: of, .. } => (Kind::Exchanged, channels(of)),
         Suspicion::Gap { channel, .. } => (Kind::Gap, channels(&[*channel])),
+        Suspicion::Stuck { channel, .. } => (Kind::Stuck, channels(&[*channel])),
         Suspicion::SameReadings { .. } => (Kind::SameReadings, None),
         Suspicion::Follow { closures } => {
             (Kind::Follow, joined(closures.iter().map(closure).collect()))

@@ -207,6 +207,19 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 loop_closes(*closes)
             )
         }
+        Suspicion::Stuck { channel, reads, first, rows, of, poses, closes } => {
+            let place = match poses {
+                Some([from, to]) => format!("poses {from} to {to}"),
+                None => format!("rows {} to {}", first + 1, first + rows),
+            };
+            format!(
+                "{} is stuck: it reads {} in {rows} of {of} rows ({place}) while others move, and without \
+                 them {}; check its sensor and its wire, and leave these rows out",
+                name(*channel),
+                significant(*reads, 6),
+                loop_closes(*closes)
+            )
+        }
         Suspicion::SameReadings { poses, of } => format!(
             "{poses} of {of} poses have the same readings as others, digit by digit: given twice, \
              they count once"

@@ -22,7 +22,7 @@ use faer::{Mat, Side};
 use crate::estimate::noise::scatter::Groups;
 use crate::estimate::objective::Noise;
 use crate::estimate::residuals::Residuals;
-use crate::numerics::distributions;
+use crate::numerics::{distributions, thin};
 
 /// Probability of setting a channel apart where all are alike.
 const ALPHA: f64 = 1e-3;
@@ -77,9 +77,8 @@ pub struct Length {
 
 /// Groups by which channels are told apart.
 fn looked_at(groups: &Groups) -> impl Iterator<Item = &Vec<usize>> {
-    let useful = || groups.rows.iter().filter(|rows| rows.len() > groups.order);
-    let step = useful().count().div_ceil(ENOUGH_GROUPS).max(1);
-    useful().step_by(step)
+    let useful: Vec<_> = groups.rows.iter().filter(|rows| rows.len() > groups.order).collect();
+    thin::spread(useful.len(), ENOUGH_GROUPS).map(move |group| useful[group])
 }
 
 /// The rows of these groups at which derivatives are taken, ascending.

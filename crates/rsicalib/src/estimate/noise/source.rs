@@ -464,7 +464,8 @@ pub(crate) fn estimate_noise(
     let free = (told as f64 - parameters as f64).max(1.0);
     let variance = variance_of_readings(residuals, total / free, free);
     let s = variance.sqrt().max(rounding).max(f64::MIN_POSITIVE);
-    if still && dof >= LEAST_DOF && s <= least {
+    let repeats = dof + observations.doubled.len() as f64;
+    if still && repeats >= LEAST_DOF && s <= least {
         // Repeats are the same numbers, and loops close as exactly as numbers are written.
         return scaled(least, Source::Quantisation, f64::INFINITY);
     }

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use crate::numerics::distributions::log_factorial;
+use crate::readings::doubled::doubled;
 use crate::readings::runs_of;
 use crate::screening::converter::RARE;
 use crate::screening::raw::rows::Raw;
@@ -24,6 +25,11 @@ enum Pair {
 
 /// Rows that repeat the one before in every channel, amid rows that do not.
 pub(super) fn stale_rows(raw: &Raw<'_>) -> Vec<Suspect> {
+    let doubled =
+        if raw.held { doubled(raw.values, &raw.counts(), &rows_of(raw)) } else { Vec::new() };
+    if !doubled.is_empty() {
+        return vec![Suspect::StaleRows { rows: doubled }];
+    }
     let channels = raw.channels.len();
     let pairs = pairs(raw);
     let count = |of: &dyn Fn(&Pair) -> bool| pairs.iter().filter(|pair| of(pair)).count();
@@ -52,6 +58,11 @@ pub(super) fn stale_rows(raw: &Raw<'_>) -> Vec<Suspect> {
     let m = rows.len();
     let log = m as f64 * expected.max(f64::MIN_POSITIVE).ln() - log_factorial(m as u64);
     if m == 0 || log >= RARE.ln() { Vec::new() } else { vec![Suspect::StaleRows { rows }] }
+}
+
+/// The rows of each pose.
+fn rows_of(raw: &Raw<'_>) -> Vec<Vec<usize>> {
+    raw.poses.iter().map(|rows| rows.clone().collect()).collect()
 }
 
 /// Each row but the first with the one before.
