@@ -307,8 +307,9 @@ def sentence(result: ResultShape) -> str:
                 return f"Unexplained: {law}, though no more is left than noise ({judged})."
             return f"Unexplained: no known effect explains what is left{where} ({judged})."
         return f"The residual is significant ({judged}): the model lacks something."
-    count = len(result.excluded)
-    out = "" if not count else f" without {count} bad reading{'s' * (count > 1)}"
+    # Readings of a converter whose bits are stuck stay.
+    count = sum(it.samples or 1 for it in result.excluded if it.kind != "stuck_bits")
+    out = "" if not count else f" without {count} bad sample{'s' * (count > 1)}"
     return f"Adequate{_yet(result)}: what is left{out} is the noise of the readings ({judged})."
 
 

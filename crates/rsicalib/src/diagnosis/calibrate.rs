@@ -44,7 +44,7 @@ pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
         return Ok(whole(observations, all));
     }
     let mut rest = observations.clone();
-    let (clean, excluded) = sound(&mut rest, &all)?;
+    let (clean, excluded) = sound(&mut rest, &all, false)?;
     // Points that are touched are judged by placement.
     let searched = all.model.unknowns.is_empty() && observations.readings.poses() <= MOST_POSES;
     if searched && looks_bad(&rest, &clean)? {

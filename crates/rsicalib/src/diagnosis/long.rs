@@ -6,7 +6,8 @@ use faer::Mat;
 use crate::Error;
 use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::isolation::Isolated;
-use crate::diagnosis::options::SearchOptions;
+use crate::diagnosis::options::{LEVEL, SearchOptions};
+use crate::diagnosis::score::scored::is_data;
 use crate::diagnosis::search::outcome::{FoundEffect, Searched};
 use crate::diagnosis::stretches::{Stretches, bad_rows};
 use crate::estimate::{Fit, Observations, fit};
@@ -27,6 +28,16 @@ pub struct Search<'a> {
     /// The fit of all rows of a long recording with what was found; none where nothing was, and of
     /// another session.
     pub all: Option<Fit>,
+}
+
+impl Search<'_> {
+    /// True where no more than noise is left by effects alone, all readings kept.
+    pub fn keeps_all(&self) -> bool {
+        let Searched { current, found, poses, .. } = &self.searched;
+        let wrong = !poses.is_empty() || found.iter().any(|step| is_data(&step.scored.instance));
+        let left = self.averaged.judge(current).lack_of_fit(current);
+        !wrong && left.is_some_and(|p| p > LEVEL)
+    }
 }
 
 /// Searches a recording of many rows by its stretches; none where there are few. `one` is the

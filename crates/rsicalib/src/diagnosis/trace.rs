@@ -234,10 +234,10 @@ fn explain(
     let mut observations = all.clone();
     let (mut clean, mut excluded) = match wanted {
         Scope::Nothing => (before.clone(), Vec::new()),
-        _ => sound(&mut observations, &before)?,
+        _ => sound(&mut observations, &before, wanted == Scope::All)?,
     };
     let wanted = wanted == Scope::All;
-    let lost = !absurdities(&observations, &clean, &[]).is_empty();
+    let mut lost = !absurdities(&observations, &clean, &[]).is_empty();
     progress.enter(Stage::Search);
     let mut late = Vec::new();
     if wanted {
@@ -250,9 +250,12 @@ fn explain(
         }
     }
     let mut searched = search_once(&observations, &clean, &base, search, wanted)?;
-    for _ in 0..if search.uses(Rule::JudgeAgain) { JUDGED_AGAIN } else { 0 } {
-        let Some(again) = judge_again(all, &observations, &base, &searched)? else { break };
+    let mut once = wanted;
+    for _ in 0..if wanted && search.uses(Rule::JudgeAgain) { JUDGED_AGAIN } else { 0 } {
+        once = once && searched.keeps_all();
+        let Some(again) = judge_again(all, &observations, &base, &searched, once)? else { break };
         (observations, clean, excluded) = again;
+        lost = !absurdities(&observations, &clean, &[]).is_empty();
         searched = search_once(&observations, &clean, &base, search, wanted)?;
     }
     let drawn_too =
@@ -405,22 +408,23 @@ fn search_once<'a>(
 /// Where unknown points are touched: the session as it is judged beside the effects that were
 /// found, all weights restored, with its fit and what is left out; none where nothing changes.
 ///
-/// Before an effect is known it makes good samples look bad, and bad ones good.
+/// Before an effect is known it makes good samples look bad, and bad ones good. `once` is as in [`sound`].
 fn judge_again(
     all: &Observations,
     judged: &Observations,
     base: &[Instance],
     Search { averaged, searched, .. }: &Search,
+    once: bool,
 ) -> Result<Option<(Observations, Fit, Vec<Excluded>)>, Error> {
     let found = searched.found.iter().map(|step| averaged.in_all(&step.scored.instance));
     let effects: Vec<Instance> = found.filter(|i| !scored::is_data(i)).collect();
-    if searched.current.model.unknowns.is_empty() || effects.is_empty() {
+    if searched.current.model.unknowns.is_empty() {
         return Ok(None);
     }
     let mut again = all.clone();
     let instances = base.iter().copied().chain(effects).collect();
     let beside = in_all_samples(&again, fit(&again, instances, Some(&searched.current))?)?;
-    let (_, excluded) = sound(&mut again, &beside)?;
+    let (_, excluded) = sound(&mut again, &beside, once)?;
     if again.weights == judged.weights {
         return Ok(None);
     }

@@ -486,7 +486,7 @@ pub fn excluded(observations: &Observations, excluded: &Excluded) -> ExcludedRep
         channel: excluded.channel.map(|c| mechanism.channels[c].name.clone()),
         samples: Some(excluded.samples as u64),
         kind: ExcludedKind::of(&excluded.cause),
-        reason: words::cause(mechanism, &excluded.cause, excluded.samples),
+        reason: words::cause(mechanism, &excluded.cause, excluded.samples, readings.held),
     }
 }
 

@@ -466,9 +466,9 @@ pub fn fault(kind: &FaultKind) -> String {
     }
 }
 
-/// Why readings were left out.
+/// Why readings were left out; rows of a session of `held` poses are named by their pose.
 #[must_use]
-pub fn cause(mechanism: &Mechanism, cause: &Cause, samples: usize) -> String {
+pub fn cause(mechanism: &Mechanism, cause: &Cause, samples: usize, held: bool) -> String {
     let unit = &mechanism.length_unit;
     match cause {
         Cause::StuckBits { kind, error } => {
@@ -488,21 +488,29 @@ pub fn cause(mechanism: &Mechanism, cause: &Cause, samples: usize) -> String {
         }
         Cause::Reading(by) => blame(mechanism, by),
         Cause::Pose { p_value } => format!(
-            "no single channel explains it (p {p_value:.1e}): it moved while sampled, or several \
-             readings are wrong"
+            "no single channel explains it (p {p_value:.1e}): several readings are wrong, or {}",
+            if samples > 1 { "it moved while sampled" } else { "something stood elsewhere" },
         ),
         Cause::Placement { times } => format!(
             "the placement does not fit its siblings: its residual is {times:.1} times theirs; \
              {samples} samples left out"
         ),
         Cause::Moved { tool, by, between: [before, after] } => format!(
-            "{} moved by {by:.2e} {unit} between its samples {before} and {after} (counted from \
-             0): left out from there on, {samples} samples",
+            "{} moved by {by:.2e} {unit}, or a sensor slipped, {}: left out from there on, {samples} \
+             samples",
             if *tool { "its tool" } else { "the point it touches" },
+            match held {
+                true => "before this pose".into(),
+                false => format!("between its samples {before} and {after} (counted from 0)"),
+            },
         ),
-        Cause::Sample { number, off, sigmas } => format!(
-            "sample {number} of its run (counted from 0) stands {off:.2e} {unit} off, {sigmas:.1} σ"
-        ),
+        Cause::Sample { number, off, sigmas } => {
+            let which = match held {
+                true => "it".into(),
+                false => format!("sample {number} of its run (counted from 0)"),
+            };
+            format!("{which} stands {off:.2e} {unit} off, {sigmas:.1} σ")
+        }
     }
 }
 

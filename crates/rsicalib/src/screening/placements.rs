@@ -45,30 +45,39 @@ const HEALED: f64 = 2.0;
 /// Of all samples no more than this share is taken for damage.
 const MOST_DAMAGED: f64 = 0.2;
 
+/// What is wrong, with the rows that it takes out.
+pub struct Damage {
+    /// What it is.
+    pub found: Excluded,
+    /// Its rows that counted.
+    pub rows: Vec<usize>,
+}
+
 /// Finds damage, worst first, and leaves it out of the session.
 ///
 /// # Errors
 ///
 /// As [`crate::estimate::fit`].
-pub fn find(observations: &mut Observations, fit: &Fit) -> Result<Vec<Excluded>, Error> {
+pub fn find(observations: &mut Observations, fit: &Fit) -> Result<Vec<Damage>, Error> {
     if fit.model.placements(&observations.readings).is_none() {
         return Ok(Vec::new());
     }
     let readings = observations.readings.clone();
     if !readings.held || readings.samples == readings.poses() {
-        return Ok(found_in(observations, fit)?.into_iter().map(|(found, _)| found).collect());
+        return found_in(observations, fit);
     }
     // All samples of a pose read one seating: a pose is one sample then, however many it has.
     let poses = readings.rows_of_poses();
     let mut seatings = of_seatings(observations, fit)?;
     let there = crate::estimate::fit(&seatings, fit.model.instances.clone(), Some(fit))?;
     let mut excluded = Vec::new();
-    for (found, seats) in found_in(&mut seatings, &there)? {
-        let rows: Vec<usize> = seats.iter().flat_map(|&pose| poses[pose].iter().copied()).collect();
-        let live = rows.iter().filter(|&&row| observations.weights[row] > 0.0).count();
+    for Damage { found, rows: seats } in found_in(&mut seatings, &there)? {
+        let rows = seats.iter().flat_map(|&pose| poses[pose].iter().copied());
+        let rows: Vec<usize> = rows.filter(|&row| observations.weights[row] > 0.0).collect();
         rows.iter().for_each(|&row| observations.weights[row] = 0.0);
         let placement = found.placement.and_then(|pose| poses[pose].first().copied());
-        excluded.push(Excluded { placement, row: None, samples: live, ..found });
+        let found = Excluded { placement, row: None, samples: rows.len(), ..found };
+        excluded.push(Damage { found, rows });
     }
     Ok(excluded)
 }
@@ -87,23 +96,20 @@ fn of_seatings(observations: &Observations, fit: &Fit) -> Result<Observations, E
     Ok(seatings)
 }
 
-/// Damage, worst first, with the rows that it takes out.
-fn found_in(
-    observations: &mut Observations,
-    fit: &Fit,
-) -> Result<Vec<(Excluded, Vec<usize>)>, Error> {
+/// Damage, worst first.
+fn found_in(observations: &mut Observations, fit: &Fit) -> Result<Vec<Damage>, Error> {
     let placements = fit.model.placements(&observations.readings).unwrap_or_default();
     let mut current = fit.clone();
-    let mut excluded: Vec<(Excluded, Vec<usize>)> = Vec::new();
+    let mut excluded: Vec<Damage> = Vec::new();
     let all = observations.weights.iter().filter(|w| **w > 0.0).count() as f64;
     let mut left_out = 0;
-    while let Some((found, rows)) = Looking::at(observations, &current, &placements).worst() {
-        left_out += rows.len();
-        if left_out as f64 > MOST_DAMAGED * all && found.placement.is_none() {
+    while let Some(damage) = Looking::at(observations, &current, &placements).worst() {
+        left_out += damage.rows.len();
+        if left_out as f64 > MOST_DAMAGED * all && damage.found.placement.is_none() {
             break;
         }
-        rows.iter().for_each(|&r| observations.weights[r] = 0.0);
-        excluded.push((found, rows));
+        damage.rows.iter().for_each(|&r| observations.weights[r] = 0.0);
+        excluded.push(damage);
         fold(&mut excluded, &placements);
         current =
             crate::estimate::fit(observations, current.model.instances.clone(), Some(&current))?;
@@ -112,16 +118,15 @@ fn found_in(
 }
 
 /// Where a placement is left out whole last, what was left out of it before is part of it.
-fn fold(excluded: &mut Vec<(Excluded, Vec<usize>)>, placements: &[usize]) {
-    let Some((found, mut rows)) = excluded.pop() else { return };
+fn fold(excluded: &mut Vec<Damage>, placements: &[usize]) {
+    let Some(Damage { found, mut rows }) = excluded.pop() else { return };
     if let Some(row) = found.placement {
-        let (own, others) = std::mem::take(excluded)
-            .into_iter()
-            .partition(|(_, rows)| rows.iter().all(|&r| placements[r] == placements[row]));
+        let here = |it: &Damage| it.rows.iter().all(|&r| placements[r] == placements[row]);
+        let (own, others) = std::mem::take(excluded).into_iter().partition(here);
         *excluded = others;
-        rows.extend(own.into_iter().flat_map(|(_, rows): (Excluded, Vec<usize>)| rows));
+        rows.extend(own.into_iter().flat_map(|it: Damage| it.rows));
     }
-    excluded.push((Excluded { samples: rows.len(), ..found }, rows));
+    excluded.push(Damage { found: Excluded { samples: rows.len(), ..found }, rows });
 }
 
 /// A fit, as far as damage shows in it.
@@ -193,7 +198,7 @@ impl<'a> Looking<'a> {
     }
 
     /// The worst damage above chance, and the rows that it takes out.
-    fn worst(&self) -> Option<(Excluded, Vec<usize>)> {
+    fn worst(&self) -> Option<Damage> {
         let (moved, single) = (self.moved(), self.worst_single());
         if let Some(placement) = self.strange() {
             // Half of a run that moved looks strange, too, but heals where it is parted.
@@ -365,31 +370,32 @@ impl<'a> Looking<'a> {
         median(sides.into_iter().flat_map(about_its_mean).collect())
     }
 
-    fn whole_placement(&self, (placement, times): (usize, f64)) -> (Excluded, Vec<usize>) {
+    fn whole_placement(&self, (placement, times): (usize, f64)) -> Damage {
         let rows: Vec<usize> = (0..self.placements.len())
             .filter(|&r| self.placements[r] == placement && self.at.observations.weights[r] > 0.0)
             .collect();
         let cause = Cause::Placement { times };
         let placement = rows.first().copied();
-        (Excluded { placement, ..Excluded::of(None, rows.len(), cause) }, rows)
+        Damage { found: Excluded { placement, ..Excluded::of(None, rows.len(), cause) }, rows }
     }
 
-    fn all_from_there_on(&self, m: &Displacement) -> (Excluded, Vec<usize>) {
+    fn all_from_there_on(&self, m: &Displacement) -> Damage {
         let rows = &self.runs[m.run];
         let out = &rows[m.at..];
         let between = [self.place(rows[m.at - 1]), self.place(rows[m.at])];
         let cause = Cause::Moved { tool: m.tool, by: m.by, between };
         let pose = Some(self.at.observations.readings.pose[out[0]]);
-        (Excluded::of(pose, out.len(), cause), out.to_vec())
+        Damage { found: Excluded::of(pose, out.len(), cause), rows: out.to_vec() }
     }
 
-    fn one_row(&self, row: usize) -> (Excluded, Vec<usize>) {
+    fn one_row(&self, row: usize) -> Damage {
         let off = self.at.misclosure(row);
         let sigmas = (self.single[row] / self.usual[row]).sqrt();
         let cause = Cause::Sample { number: self.place(row), off, sigmas };
         let pose = Some(self.at.observations.readings.pose[row]);
         let row_of_pose = self.at.observations.readings.held.then_some(row);
-        (Excluded { row: row_of_pose, ..Excluded::of(pose, 1, cause) }, vec![row])
+        let found = Excluded { row: row_of_pose, ..Excluded::of(pose, 1, cause) };
+        Damage { found, rows: vec![row] }
     }
 
     /// Which of the samples that touch the same points a row is, those left out included.

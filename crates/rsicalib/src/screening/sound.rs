@@ -1,21 +1,28 @@
 //! The fit without what is wrong whatever the model lacks.
 //!
-//! Four held poses or more at an end of a session are not left out here as single ones: a sensor that
-//! slipped before them explains them by one number, and which is likelier is for the price (113) to say.
+//! A point or a tool that moved at one row of its run, and a placement that does not fit its siblings, may be a
+//! sensor that slipped: one number explains the same rows, and which is likelier is for the price (113) to say. A search
+//! sees these rows first, where their order is told. So it does four held poses or more at an end of a session.
 
 use crate::Error;
 use crate::estimate::{Fit, Observations, fit};
 use crate::screening::excluded::{Cause, Excluded};
+use crate::screening::placements::Damage;
 use crate::screening::steps::SIDE;
 use crate::screening::{converter, outliers, placements};
 
 /// The fit without what is wrong whatever the model lacks, which is left out of the
-/// session: faults of converters, single bad samples, placements.
+/// session: faults of converters, single bad samples, placements; `once` keeps what the search may explain by
+/// something that happened once.
 ///
 /// # Errors
 ///
 /// As [`fit`].
-pub fn sound(observations: &mut Observations, before: &Fit) -> Result<(Fit, Vec<Excluded>), Error> {
+pub fn sound(
+    observations: &mut Observations,
+    before: &Fit,
+    once: bool,
+) -> Result<(Fit, Vec<Excluded>), Error> {
     let base = &before.model.instances;
     let faults = converter::faults(&observations.mechanism, &observations.readings);
     let mut excluded = converter::set_apart(observations, before, &faults);
@@ -27,8 +34,8 @@ pub fn sound(observations: &mut Observations, before: &Fit) -> Result<(Fit, Vec<
     let faulty = excluded.len();
     excluded.extend(outliers::samples(observations, &sound));
     let weights = observations.weights.clone();
-    let found = placements::find(observations, &sound)?;
-    excluded.extend(without_an_end(observations, &weights, found));
+    let damage = placements::find(observations, &sound)?;
+    excluded.extend(kept_in(observations, &weights, damage, once));
     let clean = if excluded.len() == faulty {
         sound
     } else {
@@ -37,37 +44,48 @@ pub fn sound(observations: &mut Observations, before: &Fit) -> Result<(Fit, Vec<
     Ok((clean, excluded))
 }
 
-/// Poses at an end of a session that are left out one by one are looked at by the search, if they are as many
-/// as must stand on either side of a move; `weights` are those before they were left out.
-fn without_an_end(
+/// The damage that stays left out, after rows are kept in that the search may explain; `weights` are those before
+/// any was left out.
+fn kept_in(
     observations: &mut Observations,
     weights: &[f64],
-    mut found: Vec<Excluded>,
+    damage: Vec<Damage>,
+    once: bool,
 ) -> Vec<Excluded> {
+    let ends = ends(observations, &damage);
+    let once = once && observations.readings.ordered;
+    let explicable = |Damage { found, .. }: &Damage| match found.cause {
+        Cause::Moved { .. } | Cause::Placement { .. } => once,
+        _ => found.pose.is_some_and(|pose| ends.contains(&pose)),
+    };
+    let (kept, out): (Vec<Damage>, Vec<Damage>) = damage.into_iter().partition(explicable);
+    for row in kept.into_iter().flat_map(|damage| damage.rows) {
+        observations.weights[row] = weights[row];
+    }
+    out.into_iter().map(|damage| damage.found).collect()
+}
+
+/// Poses at an end of a session that are left out one by one, if they are as many as must stand on either
+/// side of a move.
+fn ends(observations: &Observations, damage: &[Damage]) -> Vec<usize> {
     let readings = &observations.readings;
     if !readings.held || !readings.ordered {
-        return found;
+        return Vec::new();
     }
     let rows = readings.rows_of_poses();
     let live = |pose: &usize| rows[*pose].iter().any(|row| observations.weights[*row] > 0.0);
     let alone = |pose: usize| {
         let single = |it: &Excluded| matches!(it.cause, Cause::Sample { .. });
-        found.iter().any(|it| it.pose == Some(pose) && single(it))
+        damage.iter().any(|it| it.found.pose == Some(pose) && single(&it.found))
     };
     let (Some(first), Some(last)) = ((0..rows.len()).find(live), (0..rows.len()).rev().find(live))
     else {
-        return found;
+        return Vec::new();
     };
-    let ends = [(0..first).collect::<Vec<_>>(), (last + 1..rows.len()).collect()];
-    let kept: Vec<usize> = ends
+    [(0..first).collect::<Vec<_>>(), (last + 1..rows.len()).collect()]
         .into_iter()
         .map(|end| end.into_iter().filter(|pose| alone(*pose)).collect::<Vec<_>>())
         .filter(|end| end.len() >= SIDE)
         .flatten()
-        .collect();
-    for row in kept.iter().flat_map(|pose| &rows[*pose]) {
-        observations.weights[*row] = weights[*row];
-    }
-    found.retain(|it| it.pose.is_none_or(|pose| !kept.contains(&pose)));
-    found
+        .collect()
 }
