@@ -28,8 +28,8 @@ AT = np.repeat(["a", "b", "c", "d"], EACH)
 def traced(seed: int, slip: float = 0.0, move: float = 0.0, loose: float = 1.0) -> rsicalib.Trace:
     """A session in which joint 2 reads `slip` less [rad], or cone b stands `move` higher [mm].
 
-    The ball sits `loose` times as loosely in cone c. What moves about the axis of joint 1 looks like
-    that joint: the places of later cones are not known.
+    The ball sits `loose` times as loosely in cone c. What moves about the axis of joint 1 looks
+    like that joint: the places of later cones are not known.
     """
     rng = np.random.default_rng(seed)
     plays = [PLAY, PLAY, PLAY * loose, PLAY]

@@ -38,8 +38,13 @@ def session(
     balls: int,
     pose: list[float] | None = None,
     plate: tuple[float, ...] = (0, 0, HIGH, 0, 0, 0),
+    moved: Array | None = None,
 ) -> tuple[rsicalib.Mechanism, rsicalib.Readings, Array]:
-    """A hexapod with some of its legs, its readings, and where the balls were."""
+    """A hexapod with some of its legs, its readings, and where the balls were.
+
+    `moved` is how far its feet stand from where they are drawn.
+    """
+    feet = FEET if moved is None else FEET + moved
     rng = np.random.default_rng(5)
     poses = 30
     middle = rng.uniform([-60, -60, HIGH - 50], [60, 60, HIGH + 50], (poses, 3))
@@ -50,7 +55,7 @@ def session(
         return middle[:, None] + offset
 
     own = list(range(6))[:: 6 // legs] if legs < 4 else list(range(legs))
-    lengths = np.linalg.norm(carried(PLATE[own]) - FEET[own], axis=2)
+    lengths = np.linalg.norm(carried(PLATE[own]) - feet[own], axis=2)
     read = lengths - rng.normal(0, 1, legs) + rng.normal(0, LENGTH, lengths.shape)
     at = carried(BALLS[:balls])
     seen = turned.inv().apply((at - ORIGIN).reshape(-1, 3)).reshape(at.shape)
@@ -147,3 +152,17 @@ def test_a_frame_that_is_not_found_is_said_to_be_lost() -> None:
     said = {warning.kind: warning.target for warning in found.warnings}
     # What is left is of the start, and tells nothing of the noise.
     assert said == {"no_start": "instrument"}
+
+
+def test_a_foot_that_stands_elsewhere_than_drawn_is_named() -> None:
+    moved = np.zeros((6, 3))
+    moved[2] = [0.5, -0.4, 0.6]
+    drawn, readings, _ = session(TURNS["anyhow"], 6, 3, moved=moved)
+    found = rsicalib.trace(readings, drawn)
+    (step,) = found.steps
+    assert (step.term, step.target) == ("anchor_position", "leg 2")
+    assert found.verdict == "explained"
+    # Along its leg the zero of the leg takes up a part: told by its interval.
+    told = [(p.value, p.sd) for p in step.parameters]
+    for (value, sd), truth in zip(told, moved[2], strict=True):
+        assert sd is not None and abs(value - truth) < 4 * sd
