@@ -140,9 +140,6 @@ def moved(arm: Arm, rng: np.random.Generator, socket: str) -> tuple[str, float]:
     group = arm.keys["group"][0]
     shows = arm.lower(readings, f"point_slip@socket[group={group},at={socket}]:{first + 1}")
     found = rsicalib.trace(readings, arm.mechanism)
-    for left in found.excluded:
-        if left.kind == "moved" and left.pose is not None and abs(left.pose - first - 1) <= NEAR:
-            return "named", shows
     for step in found.steps:
         for k, (term, _, place) in enumerate(of_step(step)):
             if term == "point_slip" and abs(int(place or 0) - first - 1) <= NEAR:
