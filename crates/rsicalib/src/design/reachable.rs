@@ -269,7 +269,7 @@ fn by_closing(
     let channels = mechanism.channels.len();
     let visited = (session, &at.session.weights[..]);
     let configurations = Configurations::of_keys(mechanism, session.groups.clone())
-        .as_shown(&at.model, visited, &at.beta);
+        .within_shown(&at.model, visited, &at.beta);
     let each = count.div_ceil(session.groups.len().max(1));
     let under = |readings: &Readings| {
         let (model, columns) = at.under(configurations.mechanism(), readings)?;

@@ -170,7 +170,12 @@ impl Configurations {
     }
 
     /// The same, within what a session shows where the file does not tell how far the mechanism goes.
-    pub(crate) fn as_shown(mut self, model: &Model, of: (&Readings, &[f64]), beta: &[f64]) -> Self {
+    pub(crate) fn within_shown(
+        mut self,
+        model: &Model,
+        of: (&Readings, &[f64]),
+        beta: &[f64],
+    ) -> Self {
         let Some(shown) = Shown::by(model, of, beta) else { return self };
         for (c, span) in shown.channels.iter().enumerate() {
             if let Some(span) = span {

@@ -29,14 +29,14 @@ pub struct Update {
     pub rms_before: f64,
     /// The same under this result, poses left out in turn; null where that was not computed.
     pub rms_after: Option<f64>,
-    /// True where this result leaves more than noise: what changed between the sessions cannot be told from
-    /// what happened within this one.
-    #[cfg_attr(feature = "serde", serde(default))]
-    pub unclear: bool,
     /// What has changed, the most certain first; nothing where it is `unclear`.
     pub changes: Vec<Changed>,
     /// Effects of the earlier result that belong to its session, and are not compared.
     pub session_only: Vec<String>,
+    /// True where this result leaves more than noise: what changed between the sessions cannot be told from
+    /// what happened within this one.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub unclear: bool,
 }
 
 /// A change between two sessions of a device.
@@ -122,9 +122,9 @@ impl Update {
             p_value: found.p_value,
             rms_before: found.rms_misclosure,
             rms_after,
-            unclear: false,
             changes,
             session_only,
+            unclear: false,
         };
         update.text = update.sentence(&mechanism.length_unit);
         Ok(update)
