@@ -45,9 +45,10 @@ def traced(seed: int, slip: float = 0.0, move: float = 0.0, loose: float = 1.0) 
     return rsicalib.trace(table, Mechanism.from_toml(cone.mechanism(SIGMA, PLAY)))
 
 
-def names(found: rsicalib.Trace) -> list[tuple[str, str | None]]:
+def names(found: rsicalib.Trace) -> list[tuple[str, str]]:
     """Effects that were found, and what fits as well."""
-    return [(it.term, it.target) for step in found.steps for it in (step, *step.also_fits)]
+    also = [(it.term, it.target) for step in found.steps for it in step.also_fits]
+    return [(step.term, step.target) for step in found.steps] + also
 
 
 @pytest.mark.parametrize("seed", range(sized(2, 10)))
