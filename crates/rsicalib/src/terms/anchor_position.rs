@@ -1,13 +1,13 @@
 //! [`AnchorPosition`].
 
-use crate::mechanism::{Mechanism, Target};
+use crate::mechanism::{Mechanism, Point, Target};
 use crate::terms::term::{Acts, Info, Term};
 
 term! {
     /// An anchor that stands elsewhere than drawn.
     ///
-    /// Moves the end of a measured length that is on no chain, and stands, by `x`, `y`, `z`: a joint of a
-    /// hexapod's base, a drum of a cable robot. Of one that is unknown the fit says where it is.
+    /// Moves the end of a distance that is on no chain, and stands, by `x`, `y`, `z`: a joint of a hexapod's
+    /// base, a drum of a cable robot, the post of a ball bar. Of one that is unknown the fit says where it is.
     AnchorPosition("anchor_position", Closure, per Closure, needs Nothing) {
         x: "length" ~ 2.5e-3,
         y: "length" ~ 2.5e-3,
@@ -27,10 +27,11 @@ impl Term for AnchorPosition {
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
         let Target::Closure(closure) = target else { return false };
         let own = &mechanism.closures[closure];
-        let end = mechanism.standing_end(closure).filter(|_| own.channel.is_some());
+        let is_distance = own.channel.is_some() || own.value.is_some();
+        let end = mechanism.standing_end(closure).filter(|_| is_distance);
         end.is_some_and(|end| {
             let mut points = mechanism.points.iter();
-            let drawn = |p: &crate::mechanism::Point| p.at.is_some() && p.unknown.is_none();
+            let drawn = |p: &Point| p.at.is_some() && p.unknown.is_none();
             points.any(|point| point.name == own.between[end] && drawn(point))
         })
     }
