@@ -315,7 +315,9 @@ def handle_errors(recording: Recorded) -> dict[str, float]:
         m: _core.Session(RSI, read, rest=rest["values"], method=m).fit()
         for m in ("implicit_loop", "algebraic")
     }
-    return {m: f.check((check, poses, None, True))["position_rms"] for m, f in fit.items()}
+    return {
+        m: f.check((check, poses, (0.0, 0.0), None, True))["position_rms"] for m, f in fit.items()
+    }
 
 
 # ------------------------------------------------------------------ starts
@@ -483,7 +485,7 @@ def one_bad(kind: type[Effect] | None, count: int, seed: int, number: int) -> Ba
         sessions.append(simulator.observe(device, scene, rng, 1.0, effect))
     rest = simulator.rest(device, rng)["values"].astype(np.float64)
     other = simulator.check(device, rng)
-    known = (table(other), other["poses"], None, True)
+    known = (table(other), other["poses"], (0.0, 0.0), None, True)
     beside = {"mechanism": RSI, "declared": as_applied(None, RSI), "known": known, "align": False}
     beside |= {"whole": None, "groups": None, "keep": None, "leave": None, "own": True}
     result = _core.Session(RSI, table(sessions[0]), rest=rest).trace(beside)

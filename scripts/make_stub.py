@@ -24,7 +24,7 @@ PARAMETERS = {
     "certify.result": "str",
     "confidence": "float",
     "counted": "Sequence[bool]",
-    "known_poses": "tuple[Mapping[str, Any], Array, str | None, bool]",
+    "known_poses": "tuple[Mapping[str, Any], Array, tuple[float, float], str | None, bool]",
     "limit": "float",
     "orientation": "bool",
     "alpha": "float | None",

@@ -156,7 +156,7 @@ def test_a_frame_that_is_not_found_is_said_to_be_lost() -> None:
 
 def test_a_foot_that_stands_elsewhere_than_drawn_is_named() -> None:
     moved = np.zeros((6, 3))
-    moved[2] = [0.5, -0.4, 0.6]
+    moved[2] = [2.0, -1.6, 2.4]
     drawn, readings, _ = session(TURNS["anyhow"], 6, 3, moved=moved)
     found = rsicalib.trace(readings, drawn)
     (step,) = found.steps

@@ -171,7 +171,7 @@ class HeldOut(Record):
 
 @dataclass(frozen=True)
 class Largest(Record):
-    """The largest errors of the platform pose, and what noise of the readings does to each."""
+    """The largest errors of the platform pose, and what noise does to each."""
 
     position: float
     """Length of the error of the position, length units."""
@@ -179,7 +179,8 @@ class Largest(Record):
     """Length of the errors of roll, pitch and yaw together, rad; null where places alone are
     known."""
     position_noise: float | None = None
-    """Standard deviation of a coordinate of the position by the noise of the readings alone."""
+    """Standard deviation of a coordinate of the position by the noise of the readings and of the
+    known pose alone."""
     orientation_noise: float | None = None
     """The same of roll, pitch and yaw, rad."""
 
@@ -205,8 +206,8 @@ class Expected(Record):
     """An error of known poses against what is predicted of it."""
 
     position_sd: float
-    """Predicted standard deviation of a coordinate of the position, the noise of its readings
-    counted in [length unit]."""
+    """Predicted standard deviation of a coordinate of the position, the noise of its readings and
+    of the known pose counted in [length unit]."""
     orientation_sd: float | None
     """The same of roll, pitch and yaw (rad)."""
     chi2: float
@@ -428,11 +429,12 @@ class Reference(Record):
     """What the parameters of a result refer to, beside the mechanism.
 
     Offsets are told apart from gains about `centre`, a free curve runs over `span`, and
-    temperatures count from `temperature`: all of the readings that the result was found with.
+    temperatures count from `temperature`: all of the readings that the result was found with. A
+    gain turns about reading zero where no offset was fitted.
     """
 
     centre: tuple[float, ...]
-    """Mean reading of each channel."""
+    """Mean reading of each channel, zero where its offset is as it was drawn."""
     span: tuple[tuple[float, ...], ...]
     """Lowest and highest reading of each channel."""
     temperature: float | None
@@ -525,9 +527,12 @@ class Update(Record):
     rms_after: float | None
     """The same under this result, poses left out in turn; null where that was not computed."""
     changes: tuple[Changed, ...]
-    """What has changed, the most certain first."""
+    """What has changed, the most certain first; nothing where it is `unclear`."""
     session_only: tuple[str, ...]
     """Effects of the earlier result that belong to its session, and are not compared."""
+    unclear: bool = False
+    """True where this result leaves more than noise: what changed between the sessions cannot be
+    told from what happened within this one."""
 
 
 @dataclass(frozen=True)
@@ -702,7 +707,7 @@ class Elsewhere(Record):
     blocks: int
     """How many blocks."""
     without: float
-    """Without any of the effects."""
+    """Without any of the effects that are judged."""
     again: float | None
     """With what a search finds again without the block; null for parts of the workspace."""
     applied: float

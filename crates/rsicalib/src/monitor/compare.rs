@@ -56,6 +56,8 @@ pub struct Comparison {
     pub rms_misclosure: f64,
     /// What has changed, the most certain first.
     pub changes: Vec<Found>,
+    /// Probability of more by chance than these changes leave.
+    pub left: f64,
 }
 
 /// A change between two sessions.
@@ -182,6 +184,8 @@ pub fn compare(
         pass = session.choose_again(&mut watched, &was, &mut changes);
         tried.extend(changes.iter().map(|one| one.candidate));
     }
+    let told = changes.iter().map(|one| watched.candidates[one.candidate].columns.len());
+    let left = session.p_value(pass.chi2, (count - told.sum::<usize>() as f64).max(1.0));
     changes.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
     let found = changes.into_iter().map(|Named { candidate: k, p_value, also_fits }| {
         let (values, covariance, alone) =
@@ -193,7 +197,7 @@ pub fn compare(
         Found { term, target, size, sd, unit, parameters, p_value, platform_rms, also_fits }
     });
     let changes = found.collect();
-    Ok(Comparison { chi2_per_dof, p_value, rms_misclosure, changes })
+    Ok(Comparison { chi2_per_dof, p_value, rms_misclosure, changes, left })
 }
 
 /// What may have changed: as at work, and the gain of a sensor.

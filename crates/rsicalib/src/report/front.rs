@@ -1,7 +1,7 @@
 //! The verbs, as users call them.
 
 use crate::Error;
-use crate::apply::earlier::Applied;
+use crate::apply::earlier::{Applied, lasting};
 use crate::diagnosis::options::SearchOptions;
 use crate::estimate::Observations;
 use crate::estimate::directions::ParameterReport;
@@ -32,7 +32,8 @@ pub fn trace(observations: &Observations, options: &SearchOptions) -> Result<Tra
 }
 
 /// Calibrates a later session of a device, and compares it with an earlier result: what has changed
-/// between them, and whether the later result is worth to take its place.
+/// between them, and whether the later result is worth to take its place. Where the options say no terms, these are
+/// those of the earlier result that outlast its session.
 ///
 /// # Errors
 ///
@@ -41,8 +42,15 @@ pub fn update(
     observations: &Observations,
     earlier: &impl AsRef<Estimates>,
 ) -> Result<(CalibrationReport, Update), Error> {
-    let (report, calibrated) = calibrated::report(observations, None)?;
     let (applied, covariance) = earlier.as_ref().applied();
+    let mut later = observations.clone();
+    if later.options.terms.is_none() {
+        let specs = applied.parameters.iter().map(|p| &p.spec);
+        let terms = lasting(&observations.mechanism, specs)?;
+        later.options.terms = Some(terms.iter().map(ToString::to_string).collect());
+        later.leave_offsets_as_drawn(&later.instances()?);
+    }
+    let (report, calibrated) = calibrated::report(&later, None)?;
     let rms = report.fit.held_out.map(|held_out| held_out.rms_misclosure);
     let later = (&calibrated.observations, &calibrated.fit);
     let update = Update::since(&applied, Some(&covariance), later, rms)?;

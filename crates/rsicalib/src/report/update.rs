@@ -29,12 +29,12 @@ pub struct Update {
     pub rms_before: f64,
     /// The same under this result, poses left out in turn; null where that was not computed.
     pub rms_after: Option<f64>,
-    /// What has changed, the most certain first; nothing where it is `unclear`.
+    /// What has changed, the most certain first.
     pub changes: Vec<Changed>,
     /// Effects of the earlier result that belong to its session, and are not compared.
     pub session_only: Vec<String>,
-    /// True where this result leaves more than noise: what changed between the sessions cannot be told from
-    /// what happened within this one.
+    /// True where something is not as it was, and no change from one session to the other explains it: there are
+    /// no `changes` then.
     #[cfg_attr(feature = "serde", serde(default))]
     pub unclear: bool,
 }
@@ -82,13 +82,13 @@ impl Update {
             dof: fit.noise.dof_of_pose(),
         };
         let mut found = compare(earlier, covariance, observations, &judged)?;
-        let unclear = fit.p_value.is_some_and(|p| p <= LEVEL);
+        let unclear = found.left <= LEVEL;
         if unclear {
             found.changes.clear();
         }
         let told = Self::of(&observations.mechanism, earlier, found, rms_after)?;
-        let text = "more than noise is left of this session: what has changed between the two cannot be told \
-                    from what happened within it, which trace looks for";
+        let text = "something is not as it was, and no change from one session to the other explains it: trace looks \
+                    for what happened within this one";
         Ok(if unclear { Self { unclear, text: text.into(), ..told } } else { told })
     }
 
