@@ -101,7 +101,9 @@ class Fit:
         """
 
     def check(
-        self, known_poses: tuple[Mapping[str, Any], Array, str | None, bool], align: bool = False
+        self,
+        known_poses: tuple[Mapping[str, Any], Array, tuple[float, float], str | None, bool],
+        align: bool = False,
     ) -> dict[str, Any]:
         """Error on known poses: `(poses, position rms, orientation rms)`."""
 
@@ -387,7 +389,7 @@ def certify(
 def check(
     mechanism: Mechanism,
     applied: Mapping[str, Any],
-    known_poses: tuple[Mapping[str, Any], Array, str | None, bool],
+    known_poses: tuple[Mapping[str, Any], Array, tuple[float, float], str | None, bool],
     align: bool = False,
 ) -> dict[str, Any]:
     """Error of a result on known poses, root mean square over components."""

@@ -527,12 +527,12 @@ class Update(Record):
     rms_after: float | None
     """The same under this result, poses left out in turn; null where that was not computed."""
     changes: tuple[Changed, ...]
-    """What has changed, the most certain first; nothing where it is `unclear`."""
+    """What has changed, the most certain first."""
     session_only: tuple[str, ...]
     """Effects of the earlier result that belong to its session, and are not compared."""
     unclear: bool = False
-    """True where this result leaves more than noise: what changed between the sessions cannot be
-    told from what happened within this one."""
+    """True where something is not as it was, and no change from one session to the other explains
+    it: there are no `changes` then."""
 
 
 @dataclass(frozen=True)
