@@ -696,9 +696,9 @@ def test_samples_written_twice_are_told():
     values, pose = session(48, 8)
     values[[12, 100, 201]] = values[[11, 99, 200]]
     (warning,) = told(values, pose)
-    assert warning.startswith("3 rows repeat the row before in every channel (rows 13, 101, 202)")
+    assert warning.startswith("3 rows repeat an earlier row in every channel (rows 13, 101, 202)")
     (warning,) = told(recording().repeat(2, axis=0))
-    assert warning.startswith("2000 rows repeat the row before")
+    assert warning.startswith("2000 rows repeat an earlier row")
 
 
 def test_a_quiet_device_may_repeat_itself():

@@ -80,8 +80,16 @@ def test_a_gain_turns_about_reading_zero_where_the_offset_is_as_drawn(tmp_path: 
     # Places are those by plain matrices with that gain and the drawing's offsets.
     own = read.copy()
     own[:, 2] *= gain.value
-    places = plain.place(
-        plain.frames(job.body.rows, dict(zip(JOINTS, own.T, strict=True)), len(own)), job.body.tool
-    )
-    poses = rsicalib.forward(readings, mechanism, calibration=found)
-    assert np.allclose(poses, places, atol=1e-6)
+    frames = plain.frames(job.body.rows, dict(zip(JOINTS, own.T, strict=True)), len(own))
+    places = plain.place(frames, job.body.tool)
+    assert np.allclose(rsicalib.forward(readings, mechanism, calibration=found), places, atol=1e-6)
+
+
+def test_what_stays_as_drawn_turns_about_reading_zero_in_a_saved_result(tmp_path: Path) -> None:
+    """Offsets and a gain were asked for; offsets stay as drawn, the gain was found about zero."""
+    job, read = surfaces.draw(np.random.default_rng([92, 3]), "bent", sure=True)
+    readings, mechanism = files.write(job.machine("arm"), read[:22], tmp_path)
+    found = rsicalib.trace(readings, mechanism, terms=["offset", "gain@q3"])
+    assert [w.kind for w in found.warnings].count("as_drawn") == 1
+    assert not any(p.term == "offset" for p in found.parameters)
+    assert found.reference is not None and set(found.reference.centre) == {0.0}

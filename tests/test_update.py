@@ -123,3 +123,20 @@ def test_a_second_session_of_another_simulator_is_compared() -> None:
     assert later.update is not None
     assert later.update.text
     assert len(later.update.changes) <= 2
+
+
+def test_what_an_earlier_result_left_is_no_change() -> None:
+    """The demo's session is unexplained by offsets and gains: against itself it has not changed."""
+    readings, rest = DEMO / "readings.csv", DEMO / "rest.csv"
+    earlier = rsicalib.calibrate(readings, rest=rest)
+    assert earlier.verdict == "unexplained"
+    same = rsicalib.calibrate(readings, rest=rest, calibration=earlier).update
+    assert same is not None and not same.unclear and same.changes == () and not same.worth
+    session = rsicalib.load_readings(readings)
+    values = session.values.copy()
+    values[:, 0] += 60
+    rsi = rsicalib.load_mechanism("rsi")
+    turned = rsicalib.Readings.from_arrays(rsi, values, pose=session.pose)
+    later = rsicalib.calibrate(turned, calibration=earlier).update
+    assert later is not None and later.worth
+    assert ("offset", "a11") in {(one.term, one.target) for one in later.changes}

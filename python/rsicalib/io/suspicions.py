@@ -123,7 +123,7 @@ def _words(
         case "stale_rows":
             m = len(rows)
             return (
-                f"{m} row{'s repeat' if m > 1 else ' repeats'} the row before in every channel "
+                f"{m} row{'s repeat' if m > 1 else ' repeats'} an earlier row in every channel "
                 f"({places(readings, rows)}); the logger may have written old samples again: "
                 "they are no new information, drop them"
             )

@@ -170,6 +170,9 @@ class Work:
     ) -> Known | None:
         """Check poses, or check places of a point, as the core takes them."""
         if check is None:
+            if noise != (None, None):
+                expected = "known poses (check), whose noise this is"
+                raise InputError(f"check_noise: found no check, expected {expected}")
             return None
         open_chains = point is not None or not self.mechanism.to_dict().get("platform")
         loaded = load(check, Bare(self.mechanism) if open_chains else self.mechanism, self.skip)
@@ -227,7 +230,7 @@ class Work:
                 *found.get("warnings", []),
                 *found.get("remarks", []),
             ],
-            "reference": reference,
+            "reference": found.get("reference") or reference,
         }
         labels = labels_of(self.mechanism)
         if labels:

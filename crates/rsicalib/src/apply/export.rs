@@ -220,7 +220,7 @@ fn with_lines(
             };
             effects.iter().filter(own).map(|e| e.values[0])
         };
-        let centre = applied.reference.centre[c];
+        let centre = mechanism.centre(c, applied.reference.centre[c]);
         let gain = found(Role::Gain, false).next_back().unwrap_or(channel.gain);
         let turned = channel.offset + (channel.gain - gain) * centre;
         let offset = found(Role::Offset, false).next_back().unwrap_or(turned);

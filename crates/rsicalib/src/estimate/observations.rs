@@ -209,12 +209,12 @@ impl Observations {
     /// Lets gains of channels whose offset is not among these turn about reading zero, where the offset stands
     /// that is drawn.
     pub(crate) fn leave_offsets_as_drawn(&mut self, fitted: &[Instance]) {
-        let mut free = vec![false; self.centre.len()];
+        let expected = self.options.expected.as_ref().map(|expected| &expected.centre);
+        let middle = expected.unwrap_or(&self.readings.mean);
+        self.centre = vec![0.0; middle.len()];
         let offsets = fitted.iter().filter(|i| i.term.role() == Role::Offset);
         let at = offsets.flat_map(|i| self.mechanism.channels_at(i.target));
-        at.for_each(|channel| free[channel] = true);
-        let drawn = free.iter().zip(&mut self.centre).filter(|(free, _)| !**free);
-        drawn.for_each(|(_, centre)| *centre = 0.0);
+        at.for_each(|channel| self.centre[channel] = middle[channel]);
     }
 
     /// Checks what may have been changed since these observations were made.

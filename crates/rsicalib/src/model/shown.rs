@@ -26,7 +26,8 @@ pub(crate) struct Shown {
 }
 
 impl Shown {
-    /// By the rows of a session with a weight above zero; none where the file tells how far all goes.
+    /// By the rows of a session with a weight above zero; none where no channel reads a length, and the file tells how
+    /// far all goes.
     pub(crate) fn by(
         model: &Model,
         (readings, weights): (&Readings, &[f64]),

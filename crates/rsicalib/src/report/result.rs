@@ -254,7 +254,6 @@ pub struct Estimates {
     /// What they hardly tell apart.
     pub weak: Vec<String>,
     /// What the parameters refer to.
-    #[cfg_attr(feature = "serde", serde(skip))]
     pub reference: Reference,
     /// Condition number, offsets about the mean reading.
     pub condition: f64,

@@ -5,6 +5,7 @@ use crate::apply::change::PlatformRms;
 use crate::apply::earlier::{Applied, lasting};
 use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::verdict::worth_an_update;
+use crate::estimate::intervals::wider;
 use crate::estimate::significance::NORMAL_95;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
@@ -76,16 +77,14 @@ impl Update {
         (observations, fit): (&Observations, &Fit),
         rms_after: Option<f64>,
     ) -> Result<Self, Error> {
+        // What no change takes away is in the later fit, too: changes must stand out of it.
         let judged = Judged {
             noise: fit.assumed(),
-            inflation: fit.noise.inflation,
+            inflation: fit.noise.inflation * wider(fit),
             dof: fit.noise.dof_of_pose(),
         };
-        let mut found = compare(earlier, covariance, observations, &judged)?;
-        let unclear = found.left <= LEVEL;
-        if unclear {
-            found.changes.clear();
-        }
+        let found = compare(earlier, covariance, observations, &judged)?;
+        let unclear = found.changes.is_empty() && found.left <= LEVEL;
         let told = Self::of(&observations.mechanism, earlier, found, rms_after)?;
         let text = "something is not as it was, and no change from one session to the other explains it: trace looks \
                     for what happened within this one";

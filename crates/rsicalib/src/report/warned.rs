@@ -106,7 +106,7 @@ pub enum Kind {
     EndOfRange,
     /// A held pose moved while it was sampled.
     MovedPose,
-    /// Rows repeat the row before them.
+    /// Rows repeat an earlier row.
     StaleRows,
     /// A pose is a copy of another.
     CopiedPose,

@@ -7,7 +7,8 @@ term! {
     /// An anchor that stands elsewhere than drawn.
     ///
     /// Moves the end of a distance that is on no chain, and stands, by `x`, `y`, `z`: a joint of a hexapod's
-    /// base, a drum of a cable robot, the post of a ball bar. Of one that is unknown the fit says where it is.
+    /// base, a drum of a cable robot, the post of a ball bar. Of one that is unknown the fit says where it is; one
+    /// at which several distances end is not looked for.
     AnchorPosition("anchor_position", Closure, per Closure, needs Nothing) {
         x: "length" ~ 2.5e-3,
         y: "length" ~ 2.5e-3,
@@ -32,7 +33,9 @@ impl Term for AnchorPosition {
         end.is_some_and(|end| {
             let mut points = mechanism.points.iter();
             let drawn = |p: &Point| p.at.is_some() && p.unknown.is_none();
-            points.any(|point| point.name == own.between[end] && drawn(point))
+            let name = &own.between[end];
+            let alone = mechanism.closures.iter().filter(|c| c.between.contains(name)).count() == 1;
+            alone && points.any(|point| point.name == *name && drawn(point))
         })
     }
 }

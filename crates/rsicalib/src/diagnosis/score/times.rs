@@ -45,7 +45,7 @@ pub fn over_times(scored: &mut [Scored], beside: &Said) {
     };
     let alike: HashMap<_, f64> = times.iter().map(|(key, of)| (*key, as_one(of))).collect();
     for one in scored.iter_mut().filter(|s| happened_once(&s.instance)) {
-        one.places /= alike[&key(one)];
+        one.places /= Some(alike[&key(one)]).filter(|times| times.is_finite()).unwrap_or(1.0);
     }
 }
 

@@ -69,7 +69,7 @@ pub enum Suspect {
         /// The part of the range that they span.
         part: f64,
     },
-    /// Rows repeat the row before in every channel.
+    /// Rows repeat an earlier row of their pose, or the row before, in every channel.
     StaleRows {
         /// The rows.
         rows: Vec<usize>,
