@@ -199,6 +199,18 @@ def test_a_gantry_whose_axes_carry_no_length_reaches_its_sockets() -> None:
         assert np.abs(there - sockets[int(own[1:])]).max() < 0.1
 
 
+def test_offsets_of_belts_are_put_into_a_mechanism_as_they_were_found() -> None:
+    """A length is `offset + gain` times the reading, in the file as in the result."""
+    terms = ["offset@bl", "offset@br", "gain@bl+br"]
+    result = rsicalib.calibrate(table(belts()[0], "maslow"), "maslow", terms=terms)
+    told = {(p.term, p.target): p.value for p in result.parameters}
+    mechanism = Mechanism("maslow")
+    found = _core.calibrated_sensors(mechanism, as_applied(result, mechanism)).to_dict()
+    for channel in found["channel"][2:]:
+        assert channel["offset"] == pytest.approx(told["offset", channel["name"]], abs=1e-9)
+        assert channel["gain"] == pytest.approx(1.0 + told["gain", "bl+br"], abs=1e-12)
+
+
 def tip(turn: Array, tilt: Array) -> Array:
     """The ball of the gantry, `Rz(turn) Ry(tilt) (80, 0, -120)`."""
     x = 80 * np.cos(tilt) - 120 * np.sin(tilt)
