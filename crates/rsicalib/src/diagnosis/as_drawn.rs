@@ -13,10 +13,11 @@ use crate::Error;
 use crate::apply::change::apart;
 use crate::diagnosis::long::Search;
 use crate::diagnosis::plausibility::absurdities;
-use crate::diagnosis::price::{Family, another, charge, of_places, prior};
+use crate::diagnosis::price::{Family, charge, of_number, of_places, prior};
 use crate::diagnosis::score::scored::is_data;
 use crate::diagnosis::search::outcome::FoundEffect;
 use crate::diagnosis::search::rivals::{Explanation, nearest};
+use crate::estimate::fit;
 use crate::mechanism::Mechanism;
 use crate::model::Instance;
 use crate::numerics::credible_set::RIVAL;
@@ -117,10 +118,17 @@ fn of_surface(instance: &Instance) -> bool {
 /// they explain nothing.
 fn paid(asked: &Search, offsets: &[Instance]) -> Result<f64, Error> {
     let (averaged, with) = (&asked.averaged, &asked.searched.current);
-    let without = averaged.without(with, offsets)?;
+    let kept = with.model.instances.iter().copied().filter(|i| !offsets.contains(i));
+    let kept: Vec<Instance> = kept.collect();
+    let mut drawn = averaged.small.clone();
+    drawn.leave_offsets_as_drawn(&kept);
+    let without = fit(&drawn, kept, Some(with))?;
     let gains = averaged.said_of(&without) - averaged.said_of(with);
     let parameters = (without.dof - with.dof).max(0.0);
+    let steps = asked.searched.found.iter().filter(|step| !is_data(&step.scored.instance));
+    let found = steps.count();
     Ok(charge(parameters, gains.max(0.0))
         + of_places(1.0 / prior(Family::Named))
-        + another() * (parameters - 1.0).max(0.0))
+        + of_number(found + parameters.round() as usize)
+        - of_number(found))
 }

@@ -75,7 +75,7 @@ pub fn prior(kind: Family) -> f64 {
 
 /// What an effect beside another costs more than the first.
 #[must_use]
-pub fn another() -> f64 {
+fn another() -> f64 {
     -2.0 * more().ln()
 }
 

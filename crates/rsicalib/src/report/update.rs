@@ -84,11 +84,7 @@ impl Update {
             dof: fit.noise.dof_of_pose(),
         };
         let found = compare(earlier, covariance, observations, &judged)?;
-        let unclear = found.changes.is_empty() && found.left <= LEVEL;
-        let told = Self::of(&observations.mechanism, earlier, found, rms_after)?;
-        let text = "something is not as it was, and no change from one session to the other explains it: trace looks \
-                    for what happened within this one";
-        Ok(if unclear { Self { unclear, text: text.into(), ..told } } else { told })
+        Self::of(&observations.mechanism, earlier, found, rms_after)
     }
 
     /// Of what has changed since `earlier`, where the loops close to `rms_after` under the new
@@ -113,6 +109,7 @@ impl Update {
                 session_only.push(spec);
             }
         }
+        let unclear = found.changes.is_empty() && found.left <= LEVEL;
         let changes: Vec<Changed> = found.changes.into_iter().map(Changed::from).collect();
         let mut update = Self {
             worth,
@@ -123,13 +120,18 @@ impl Update {
             rms_after,
             changes,
             session_only,
-            unclear: false,
+            unclear,
         };
         update.text = update.sentence(&mechanism.length_unit);
         Ok(update)
     }
 
     fn sentence(&self, unit: &str) -> String {
+        if self.unclear {
+            return "something is not as it was, and no change from one session to the other explains it: trace \
+                    looks for what happened within this one"
+                .into();
+        }
         if self.changes.is_empty() {
             return "nothing has changed beyond both uncertainties: the earlier result holds"
                 .into();

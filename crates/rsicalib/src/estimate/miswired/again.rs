@@ -50,6 +50,14 @@ impl Again {
     }
 }
 
+/// The fit without a mistake that leaves least, by χ² per degree of freedom, where that is below a limit and by far
+/// less than any other leaves.
+pub(crate) fn decisive<T>(mut found: Vec<(f64, T)>, limit: f64) -> Option<(f64, T)> {
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let next = found.get(1).map_or(f64::INFINITY, |(next, _)| *next);
+    found.into_iter().next().filter(|(with, _)| *with < limit.min(next / DECISIVE))
+}
+
 /// χ² per degree of freedom below which a loop closes with a mistake undone, where `left` is what it is as
 /// declared: by far less, and no more than a start may leave that leads to a fit. None where mistakes are not
 /// looked for: in a long recording, and where the loop closes as declared.

@@ -6,7 +6,7 @@
 
 use crate::Error;
 use crate::estimate::enough::enough;
-use crate::estimate::miswired::again::{Again, DECISIVE, closing};
+use crate::estimate::miswired::again::{Again, DECISIVE, closing, decisive};
 use crate::estimate::miswired::mistake::Mistake;
 use crate::estimate::miswired::rewired::{Rewired, stays};
 use crate::estimate::objective::Noise;
@@ -55,11 +55,9 @@ pub(crate) fn miswired(
         let rough = likeliest(&few, &terms, mistakes);
         mistakes = rough.into_iter().take(2).map(|(_, mistake)| mistake).collect();
     }
-    let mut found = likeliest(observations, &model.instances, mistakes).into_iter();
-    let (with, mistake) = found.next()?;
-    let next = found.next().map_or(f64::INFINITY, |(next, _)| next);
-    let closes = Closes { with, declared: left };
-    (with < limit.min(next / DECISIVE)).then(|| mistake.suspicion(closes))
+    let found = likeliest(observations, &model.instances, mistakes);
+    let (with, mistake) = decisive(found, limit)?;
+    Some(mistake.suspicion(Closes { with, declared: left }))
 }
 
 /// Readings or offsets in the other unit, where the loop closes with it and by far not as declared:

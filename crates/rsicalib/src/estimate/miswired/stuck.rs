@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use crate::Error;
-use crate::estimate::miswired::again::{Again, DECISIVE, closing};
+use crate::estimate::miswired::again::{Again, closing, decisive};
 use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Closes, Suspicion};
@@ -32,14 +32,12 @@ pub(crate) fn stuck(
         less.weights[rows.clone()].fill(0.0);
         let table = readings.table.clone();
         let again = Again::of(&less, (&observations.mechanism, table), noise, &refit)?;
-        Some((again.left, channel, rows))
+        Some((again.left, (channel, rows)))
     };
-    let mut found: Vec<_> = (0..readings.channels).filter_map(without).collect();
-    found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let next = found.get(1).map_or(f64::INFINITY, |(next, ..)| *next);
-    let (with, channel, rows) = found.into_iter().next()?;
+    let found = (0..readings.channels).filter_map(without).collect();
+    let (with, (channel, rows)) = decisive(found, limit)?;
     let pose = |row: usize| readings.labels[readings.pose[row]];
-    (with < limit.min(next / DECISIVE)).then(|| Suspicion::Stuck {
+    Some(Suspicion::Stuck {
         channel,
         reads: readings.row(rows.start)[channel],
         rows: rows.len(),
