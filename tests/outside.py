@@ -24,7 +24,7 @@ import numpy as np
 from rsicalib import Mechanism, calibrate, trace
 from rsicalib.errors import InputError, OpenLoopsWarning
 from rsicalib.io.files import write_text
-from tests.families import linkage, trials
+from tests.families import linkage, trials, varying
 from tests.families.device import Device, Effect, Scene, observe, stage
 from tests.families.draw import FAMILIES, Rng
 from tests.families.effects import middle, unit
@@ -50,8 +50,10 @@ LAW = "unknown_law"
 """What a law that no term has is called in `also_fits`."""
 SAME = {"drift": "time", "hysteresis": "direction"}
 """Terms of the catalogue, and what they depend on."""
-KINDS = ("outside", "single", "clean", "left_out")
-"""Of a law outside the catalogue; of one of it; of none; of one of it whose term is taken out."""
+KINDS = ("outside", "built", "single", "clean", "left_out")
+"""Of a law of a sensor outside the catalogue; of such a law of a link or a distance; of one effect
+of the catalogue; of none; of one whose term is taken out."""
+LAWS = ("outside", "built")
 
 HEAD = """# Laws that no term has
 
@@ -69,12 +71,15 @@ simulator's own. [The search](search.md) says how such a law is weighed beside w
   a calibration that knows the law, and not how large it is.
 - *error after above that before*: points at check poses are {grew} times worse than those of a
   calibration without what was found.
+- *links and distances*: the same of machines of which a link, or a distance, is longer by such a
+  law of one or two joints. The place is right where it is named, blamed, or among those of which a
+  law is said to fit as well.
 - *left out*: the catalogue's own effects, the term that describes them taken out of the search.
   Another class or place is wrong; the same sensor by another name is not.
 - A rate has its binomial standard error.
 """
 
-Law = Callable[[Array, Scene], Array]
+Law = Callable[[Array, Scene | None], Array]
 
 
 @dataclass(frozen=True)
@@ -189,7 +194,7 @@ class Told:
     def wrong(self) -> bool:
         """Whether it is explained by what the catalogue has, and no tie told."""
         said = self.verdict == "explained" and LAW not in self.ties
-        return said and (self.kind == "outside" or (self.kind == "left_out" and not self.place))
+        return said and (self.kind in LAWS or (self.kind == "left_out" and not self.place))
 
     @property
     def over_the_same(self) -> bool:
@@ -241,17 +246,46 @@ def law_of(device: Device, rng: Rng) -> tuple[Effect, frozenset[str]]:
     return effect, variables
 
 
-def outside(family: str, number: int, seed: int) -> tuple[trials.Case, frozenset[str], Rng]:
+def built_law(device: Device, rng: Rng) -> tuple[Effect, frozenset[str]]:
+    """A law by which a link or a distance is longer: a function of one joint, or a product of two.
+
+    A line of one joint is among them: no term has it.
+    """
+    places = varying.places(device)
+    place = places[int(rng.integers(len(places)))]
+    near = [n for n in device.names if linkage.chain_of(device.drawing.mechanism, n) == place.chain]
+    names = [str(n) for n in rng.permutation(near or device.names)][: 1 + int(rng.random() < 0.4)]
+    factors = [of_joint(device, rng, name) for name in names]
+
+    def law(q: Array) -> Array:
+        flat = q.reshape(-1, q.shape[-1])
+        each = [f.law(flat, None) for f in factors]
+        return np.asarray(np.prod(each, axis=0).reshape(q.shape[:-1]))
+
+    def builds(size: float, build: linkage.Build) -> linkage.Build:
+        return varying.Varying.of(build, place, law, size)
+
+    variables = frozenset().union(*(f.variables for f in factors))
+    klass = "closure" if place.closure else "geometry"
+    what = "*".join(sorted(variables))
+    typical = 1e-3 * device.length
+    return Effect(what, klass, place.target, typical, builds=builds, outside=True), variables
+
+
+def outside(
+    family: str, number: int, seed: int, kind: str = "outside"
+) -> tuple[trials.Case, frozenset[str], Rng]:
     """A device with a law of its own, its variables, and the draws of its session once more."""
     for attempt in range(40):
-        place = [seed, PLACES.index(family), number, attempt]
+        place = [seed, PLACES.index(family), number, attempt, *([1] if kind == "built" else [])]
         rng = np.random.default_rng(np.random.SeedSequence(place))
         try:
             hand = family == "rsi"
             device = built(rng) if hand else Device.random(family, rng)
             scene = taken(device, rng, 48, 8) if hand else stage(device, rng)
             check = stage(device, rng, trials.CHECKS if not device.drawing.sockets else 5, 1)
-            effect, variables = law_of(device, rng)
+            drawn = built_law if kind == "built" else law_of
+            effect, variables = drawn(device, rng)
             linear = Linear(device, scene)
             strength = float(np.exp(rng.uniform(*np.log(STRENGTH))))
             effect = linear.scaled(effect, strength)
@@ -262,7 +296,7 @@ def outside(family: str, number: int, seed: int) -> tuple[trials.Case, frozenset
         except ValueError:
             continue
         text = trials.toml(device)
-        case = trials.Case(family, "outside", number, device, (effect,), (), session, check, text)
+        case = trials.Case(family, kind, number, device, (effect,), (), session, check, text)
         return case, variables, again
     raise RuntimeError(f"{family} {number}: no such device in forty drawings")
 
@@ -290,8 +324,8 @@ def traced(kind: str, family: str, number: int, seed: int) -> Traced:
     """The trace of one device."""
     variables: frozenset[str] = frozenset()
     draws: Rng | None = None
-    if kind == "outside":
-        case, variables, draws = outside(family, number, seed)
+    if kind in LAWS:
+        case, variables, draws = outside(family, number, seed, kind)
     else:
         case = trials.make(family, "single" if kind == "left_out" else kind, number, seed)
     without = [e.term for e in case.effects] if kind == "left_out" else None
@@ -333,7 +367,7 @@ def run(asked: tuple[str, str, int], seed: int, pastes: bool = True) -> Told:
         verdict=str(result["verdict"]),
         said=tuple(f"{s['term']}@{s['target']}" for s in steps),
         ties=ties,
-        blamed=any(e.target in blamed(result) for e in case.effects),
+        blamed=any(e.target in blamed(result) | also_of(result) for e in case.effects),
         variables=bool(depends) and any(variables & one for one in depends),
         named=bool(own) and all(own) and result["verdict"] == "explained",
         place=bool(own) and all(own),
@@ -345,6 +379,12 @@ def run(asked: tuple[str, str, int], seed: int, pastes: bool = True) -> Told:
         more=more,
         by_law="unknown_law" in {reason["kind"] for reason in result.get("reasons") or ()},
     )
+
+
+def also_of(result: dict[str, Any]) -> set[str]:
+    """Targets of which a law that no term has is said to fit, beside the one that is blamed."""
+    ties = {n["target"] for s in result["steps"] for n in s["also_fits"] if n["term"] == LAW}
+    return ties | set(result["unexplained"].get("also_of") or ())
 
 
 def error_of(case: trials.Case, mechanism: Mechanism, fit: Any) -> float:
@@ -392,7 +432,7 @@ def pasted(case: trials.Case, found: Any) -> tuple[Mechanism, Any] | None:
 def table(rows: Sequence[Told]) -> list[tuple[str, str]]:
     """What is counted, and how often."""
     own = {kind: [r for r in rows if r.kind == kind] for kind in KINDS}
-    law, out_of = own["outside"], own["left_out"]
+    law, built_, out_of = own["outside"], own["built"], own["left_out"]
     out = [
         ("place right", cell([r.blamed for r in law])),
         ("variables right, or a tie that holds the right one", cell([r.variables for r in law])),
@@ -423,6 +463,10 @@ def table(rows: Sequence[Told]) -> list[tuple[str, str]]:
             cell([r.wrong and not r.over_the_same for r in law]),
         ),
         ("platform error after above that before", cell([r.worse for r in law])),
+        ("links and distances: place right", cell([r.blamed for r in built_])),
+        ("links and distances: variables right, or a tie", cell([r.variables for r in built_])),
+        ("links and distances: explained, no tie told", cell([r.wrong for r in built_])),
+        ("links and distances: error after above that before", cell([r.worse for r in built_])),
         ("catalogue singles named and explained", cell([r.named for r in own["single"]])),
         ("catalogue singles: the unknown law ties", cell([LAW in r.ties for r in own["single"]])),
         (
@@ -494,7 +538,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for number in numbers
         for family in families
         for kind in kinds
-        if kind == "outside" or family != "rsi"
+        if kind in LAWS or family != "rsi"
     ]
     print(f"seed {seed}", flush=True)
     rows: list[Told] = []

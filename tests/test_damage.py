@@ -163,3 +163,25 @@ def test_nothing_is_found_in_clean_readings() -> None:
     seeds = range(100, 100 + sized(3, 20))
     accused = sum(bool(excluded(seed, Damage(row=ROWS))) for seed in seeds)
     assert accused <= sized(0, 1)
+
+
+def test_one_bad_probe_of_a_delta_is_left_out_and_the_rest_calibrates() -> None:
+    """Its touch has play: the pose that is left out keeps that of one touch."""
+    rng = np.random.default_rng(34)
+    bearing = np.deg2rad([90, 210, 330])
+    towers = 140 * np.column_stack([np.cos(bearing), np.sin(bearing)])
+    endstops = 602.487 + np.array([-1.4, 0.7, 1.1])
+    radius, turn = 110 * np.sqrt(np.arange(1, 43) / 42), 2.4 * np.arange(1, 43)
+    at = np.column_stack([radius * np.cos(turn), radius * np.sin(turn)])
+    apart = np.linalg.norm(towers - at[:, None], axis=2)
+    up = rng.normal(0, 0.03, (42, 1)) + np.sqrt(280.0**2 - apart**2)
+    steps = np.rint((endstops - up) * 80)
+    steps[9, 0] += 160  # 2 mm
+    readings = {"pose": np.arange(1, 43), **dict(zip("abc", steps.T, strict=True))}
+    for verb in (rsicalib.calibrate, rsicalib.trace):
+        found = verb(readings, "delta")
+        assert found.verdict == "adequate"
+        assert [entry.pose for entry in found.excluded] == [10]
+        for tower, truth in zip("abc", endstops, strict=True):
+            # Three of nine in 1,000; a seed that is held.
+            assert abs(found[f"offset@{tower}"].value - truth) < 3.0 * found[f"offset@{tower}"].sd

@@ -59,6 +59,10 @@ class Build:
         """The rigid motion behind a row, (4, 4) or one for each row of `q`."""
         return np.asarray(self.after.get((chain, row), oracle.IDENTITY))
 
+    def more(self, closure: str, q: Array) -> Array:
+        """What a distance is longer, or one for each row of `q`."""
+        return np.asarray(self.longer.get(closure, 0.0))
+
     @property
     def is_loaded(self) -> bool:
         """Whether anything gives under weight."""
@@ -243,7 +247,7 @@ def misclosure(build: Build, q: Array, where: Where | None = None) -> Array:
             continue
         value = closure["value"]
         value = where[value] if isinstance(value, str) and where is not None else value
-        value = value + build.longer.get(closure["name"], 0.0)
+        value = value + build.more(closure["name"], q)
         columns.append((np.sum(gap**2, axis=-1) - value**2) / (2 * value))
     return np.stack(columns, axis=-1)
 

@@ -1,7 +1,7 @@
 //! What is left of the residual: whether it is noise, and where it is if it is not.
 
 use crate::diagnosis::doubt::{Doubted, doubt};
-use crate::diagnosis::isolation::taken_up;
+use crate::diagnosis::isolation::{belongs, taken_up};
 use crate::diagnosis::location::{Location, location};
 use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::score::scored;
@@ -105,7 +105,8 @@ fn left_over(traced: &Traced) -> Residual {
     let gain = law.map_or(0.0, |law| -law.behind);
     // Beside effects that were found, nothing is known of what the law gains over the isolated target.
     let isolated = traced.isolated.as_ref().filter(|isolated| {
-        let same = law.is_some_and(|law| law.target == isolated.target);
+        let mechanism = &traced.small.mechanism;
+        let same = law.is_some_and(|law| belongs(mechanism, law.whose.target, isolated.target));
         same || !traced.found.is_empty() || isolated.gain >= gain
     });
     if let Some(isolated) = isolated {
@@ -117,7 +118,7 @@ fn left_over(traced: &Traced) -> Residual {
         return Residual::Isolated { target, location, p_value };
     }
     // Scatter of the channel that the law is of speaks for both.
-    let of_law = |c: &usize| law.is_some_and(|law| law.target == Target::Channel(*c));
+    let of_law = |c: &usize| law.is_some_and(|law| law.whose.target == Target::Channel(*c));
     let (own, others): (Vec<usize>, Vec<usize>) =
         (0..traced.small.mechanism.channels.len()).partition(of_law);
     let scatter = |of: &[usize]| of.iter().map(|&c| rise(traced, c)).fold(0.0, f64::max);

@@ -10,13 +10,15 @@
 
 use faer::{Mat, MatRef};
 
+use crate::Error;
+use crate::estimate::fit::carry_over;
 use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::Part;
 use crate::estimate::observations::Observations;
 use crate::estimate::residuals::Residuals;
 use crate::estimate::settle::Closing;
-use crate::model::{Want, Workspace};
+use crate::model::{Instance, Model, Want, Workspace};
 use crate::numerics::lanes::Lanes;
 use crate::numerics::symmetric::{dot, inverse_root};
 
@@ -35,19 +37,44 @@ pub struct AtFit<'a> {
     pub pull: Vec<f64>,
     /// `â`, and `ã` of (168) where play moves joints, block by block: [`AtFit::settled`].
     adjusted: Vec<Lanes>,
+    /// Derivatives of the whitened equations by what may be fitted beside it, equation by equation.
+    beside: Vec<f64>,
 }
 
 impl<'a> AtFit<'a> {
     /// A session at a fit of it.
     pub fn new(observations: &'a Observations, fit: &'a Fit) -> Self {
+        Self::of_model(observations, fit, &fit.model, &fit.beta)
+    }
+
+    /// The same, with the derivatives by what may be fitted beside it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::new`].
+    pub fn with(
+        observations: &'a Observations,
+        fit: &'a Fit,
+        beside: &[Instance],
+    ) -> Result<Self, Error> {
+        if beside.is_empty() {
+            return Ok(Self::new(observations, fit));
+        }
+        let model = observations.model_beside(&fit.model, beside)?;
+        Ok(Self::of_model(observations, fit, &model, &carry_over(fit, &model)))
+    }
+
+    /// By a model that has the terms of the fit, and perhaps more that are zero.
+    fn of_model(observations: &'a Observations, fit: &'a Fit, model: &Model, beta: &[f64]) -> Self {
         let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
-        let part = Part { model: &fit.model, readings, weights };
+        let part = Part { model, readings, weights };
         let settled = fit.adjusted_of(readings);
         let problem = Implicit::of(part, fit.assumed()).from(settled.map(<[_]>::to_vec));
-        let mut residuals = problem.residuals(&fit.beta, true);
+        let mut residuals = problem.residuals(beta, true);
         let n = fit.model.parameters;
         let (root, ..) = inverse_root(&fit.gram);
         let count = residuals.whitened.len();
+        let beside = residuals.take_parameters(fit.model.term_parameters..model.term_parameters);
         let x = MatRef::from_column_major_slice(&residuals.by_parameter, n, count);
         let q = root.transpose() * x;
         let mut slope = vec![0.0; n];
@@ -70,11 +97,11 @@ impl<'a> AtFit<'a> {
         if let Some(noise) = Closing::noise(&part, &fit.assumed()) {
             let mut closing = Closing::new(part.model, &noise);
             for (block, a_hat) in adjusted.chunks_exact_mut(part.stride()).enumerate() {
-                let moved = closing.close(&part, block, &fit.beta, a_hat);
+                let moved = closing.close(&part, block, beta, a_hat);
                 a_hat.copy_from_slice(moved);
             }
         }
-        Self { observations, fit, residuals, inverse, root, q, pull, adjusted }
+        Self { observations, fit, residuals, inverse, root, q, pull, adjusted, beside }
     }
 
     /// Readings of a block as the fit settles them, `â`, (168). The columns of terms are those of `â`:
@@ -114,6 +141,12 @@ impl<'a> AtFit<'a> {
     /// Derivative of a whitened equation by the reading of a channel.
     pub fn by_reading(&self, equation: usize, channel: usize) -> f64 {
         self.residuals.by_reading[equation * self.observations.readings.channels + channel]
+    }
+
+    /// Derivative of a whitened equation by parameter `k` of what may be fitted beside it.
+    pub fn by_beside(&self, equation: usize, k: usize) -> f64 {
+        let width = self.beside.len() / self.residuals.whitened.len().max(1);
+        self.beside[equation * width + k]
     }
 
     /// Derivatives of a whitened equation by the parameters, its row of `X`; for a model with unknown

@@ -1,5 +1,7 @@
 //! Residuals at a solution and their derivatives, block by block.
 
+use std::ops::Range;
+
 use crate::estimate::objective::Part;
 use crate::estimate::settle::Room;
 use crate::model::Model;
@@ -98,6 +100,22 @@ impl Residuals {
         }
         all.truncate(count);
         all
+    }
+
+    /// Takes the derivatives by some parameters out of `by_parameter`, and gives them, equation by equation.
+    pub(super) fn take_parameters(&mut self, of: Range<usize>) -> Vec<f64> {
+        if of.is_empty() {
+            return Vec::new();
+        }
+        let width = self.by_parameter.len() / self.whitened.len().max(1);
+        let (mut taken, mut rest) = (Vec::new(), Vec::new());
+        for row in self.by_parameter.chunks_exact(width) {
+            taken.extend_from_slice(&row[of.clone()]);
+            rest.extend_from_slice(&row[..of.start]);
+            rest.extend_from_slice(&row[of.end..]);
+        }
+        self.by_parameter = rest;
+        taken
     }
 
     /// Place of a sample among those whose `by_reading` is kept.

@@ -190,6 +190,9 @@ pub struct Unexplained {
     /// something is left.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
     pub depends_on: Vec<DependsOn>,
+    /// Other targets of which such a law fits as well, the likeliest first.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
+    pub also_of: Vec<String>,
     /// A formula that fits as well as that law, within 6 in price.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub law: Option<FoundLaw>,
@@ -200,9 +203,10 @@ pub struct Unexplained {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
 pub struct FoundLaw {
-    /// The channel.
+    /// The channel, the row of a chain or the closure.
     pub target: String,
-    /// The correction of its coordinate, as a mechanism file writes it.
+    /// The correction of its coordinate or value, or by how much its frame moves, as a mechanism file
+    /// writes it.
     pub formula: String,
     /// Its parameters.
     pub parameters: Vec<FormulaParameter>,
@@ -230,8 +234,8 @@ impl FoundLaw {
         let written = law.written.as_ref()?;
         let parameters = written.law.parameters.keys().zip(&written.values);
         Some(Self {
-            target: law.target.name(mechanism),
-            formula: written.law.correction.clone()?,
+            target: law.whose.target.name(mechanism),
+            formula: written.law.text().1.to_owned(),
             parameters: parameters
                 .map(|(name, [value, sd])| FormulaParameter {
                     name: name.clone(),
@@ -486,6 +490,11 @@ pub fn traced(
             text,
             kind: Some(Left::of(&residual)),
             depends_on: unknown.map(|law| law.depends_on.clone()).unwrap_or_default(),
+            also_of: unknown
+                .into_iter()
+                .flat_map(|law| law.targets().split_off(1))
+                .map(|target| target.name(&observations.mechanism))
+                .collect(),
             law: unknown.and_then(|law| FoundLaw::of(&observations.mechanism, law)),
         },
         could_hide: hidden,
@@ -587,7 +596,7 @@ pub(crate) fn with_law(traced: &Traced, law: &UnknownLaw) -> Vec<Place> {
     let kept = traced.found.iter().map(|found| found.instance);
     let kept = kept.filter(|i| !law.replaces.contains(i));
     let kept = kept.map(|i| Place::of(&traced.small, &i));
-    kept.chain([no_term(&traced.small, UNKNOWN_LAW, law.target)]).collect()
+    kept.chain([no_term(&traced.small, UNKNOWN_LAW, law.whose.target)]).collect()
 }
 
 /// What no term has, as an effect.
@@ -596,6 +605,7 @@ fn no_term(observations: &Observations, id: &str, target: Target) -> Place {
         term: id.into(),
         class: match target {
             Target::Channel(_) => Class::Sensor,
+            Target::Closure(_) => Class::Closure,
             _ => Class::Geometry,
         },
         target: target.name(&observations.mechanism),
@@ -628,7 +638,8 @@ fn step(
     let curve = curve(after, &found.instance, first);
     let unknown = traced.unknown.iter().filter(|law| law.ties());
     let unknown = unknown.filter(|law| law.replaces.contains(&found.instance));
-    let unknown = unknown.map(|law| no_term(&traced.small, UNKNOWN_LAW, law.target));
+    let unknown = unknown.flat_map(UnknownLaw::targets);
+    let unknown = unknown.map(|target| no_term(&traced.small, UNKNOWN_LAW, target));
     // What it does to the platform, or to what the chains carry: the search's fit with it against the
     // one without.
     let (small, without, last) = (&traced.small, &found.without, &traced.last);

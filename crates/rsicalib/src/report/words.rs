@@ -606,11 +606,11 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
                      term has"
                 }
             };
-            (Some(law.target.name(mechanism)), text.into())
+            (Some(law.whose.target.name(mechanism)), text.into())
         }
         Residual::Follows(law) => {
             let text = "structure is left that no effect of the catalogue explains";
-            (Some(law.target.name(mechanism)), text.into())
+            (Some(law.whose.target.name(mechanism)), text.into())
         }
         Residual::Isolated { target, location: at, p_value } => {
             let name = target.name(mechanism);
@@ -731,9 +731,11 @@ pub fn unknown_law(mechanism: &Mechanism, law: &UnknownLaw) -> String {
         all.map(|v| quantity(mechanism, *v)).collect::<Vec<_>>().join(" or ")
     };
     let on: Vec<String> = law.variables.iter().map(one).collect();
-    let name = law.target.name(mechanism);
+    let others = law.also_of.iter().filter(|other| other.target != law.whose.target);
+    let places = std::iter::once(&law.whose).chain(others).take(1 + TOLD_APART);
+    let name = places.map(|place| place.name(mechanism)).collect::<Vec<_>>().join(" or ");
     let next: Vec<String> =
-        law.variables.iter().map(|(v, _)| tells(mechanism, *v, law.target)).collect();
+        law.variables.iter().map(|(v, _)| tells(mechanism, *v, law.whose.target)).collect();
     let how = match () {
         () if law.replaces.is_empty() => "may explain it",
         () if law.better() => "explains it better than what was found",
@@ -745,7 +747,7 @@ pub fn unknown_law(mechanism: &Mechanism, law: &UnknownLaw) -> String {
          mean square{formula}. What would tell: {}",
         on.join(" and on "),
         significant(law.size, 2),
-        mechanism.coordinate_unit(law.target),
+        law.whose.unit(mechanism),
         next.join("; ")
     )
 }
@@ -760,7 +762,7 @@ fn formula(written: &Written) -> String {
         .collect();
     format!(
         ", by {} with {} ({:.0} % likely)",
-        written.law.correction.as_deref().unwrap_or_default(),
+        written.law.text().1,
         each.join(", "),
         100.0 * written.probability
     )
@@ -771,13 +773,16 @@ fn formula(written: &Written) -> String {
 pub fn as_term(law: &Law) -> String {
     let sizes: Vec<String> =
         law.parameters.iter().map(|(name, size)| format!("{name} = {size:e}")).collect();
+    let (key, text) = law.text();
+    let moves = law.moves.map(|m| format!("moves = {}\n", in_toml(&word(&m))));
     format!(
-        "[[term]]\nid = {}\nclass = {}\nper = {}\nparameters = {{ {} }}\ncorrection = {}\n",
+        "[[term]]\nid = {}\nclass = {}\nper = {}\nparameters = {{ {} }}\n{}{key} = {}\n",
         in_toml(&law.id),
         in_toml(&word(&law.class)),
         in_toml(&word(&law.per)),
         sizes.join(", "),
-        in_toml(law.correction.as_deref().unwrap_or_default())
+        moves.unwrap_or_default(),
+        in_toml(text)
     )
 }
 

@@ -16,7 +16,8 @@ use faer::{ColRef, Mat, MatRef};
 use nalgebra::linalg::SymmetricTridiagonal;
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnosis::price::{Data, mean};
+use crate::diagnosis::price::{Data, charge, mean};
+use crate::diagnosis::unknown_law::formula::SMALL;
 use crate::diagnosis::unknown_law::variables::{Function, Variable, degree};
 use crate::estimate::at_fit::{AtFit, add_scaled};
 use crate::numerics::symmetric::dot;
@@ -41,17 +42,55 @@ pub struct Errors {
     absorbed: Mat<f64>,
     /// Orthonormal functions of the samples that no law has a part of.
     apart: Vec<Vec<f64>>,
+    /// By how much χ² falls with an error that is the same in all samples, where that is fitted as well, and
+    /// what it costs.
+    constant: Option<[f64; 2]>,
 }
 
 impl Errors {
     /// Of a channel in samples at a fit, by laws that have no part of the functions `apart`.
-    pub fn of(at: &AtFit, rows: &[usize], channel: usize, apart: &[Vec<f64>]) -> Self {
+    pub fn of_channel(at: &AtFit, rows: &[usize], channel: usize, apart: &[Vec<f64>]) -> Self {
+        let errors = Self::of(at, rows, |e| at.by_reading(e, channel));
+        Self { apart: apart.to_vec(), ..errors }
+    }
+
+    /// Of parameter `k` of what may be fitted beside a fit, were it another in each pose.
+    pub fn of_beside(at: &AtFit, rows: &[usize], k: usize) -> Self {
+        Self::of(at, rows, |e| at.by_beside(e, k))
+    }
+
+    /// The same, beside an error that is the same in all samples, where that pays for itself as an effect of one
+    /// parameter, and for `places`.
+    pub fn beside_a_constant(mut self, places: f64) -> Self {
+        let n = self.square.len();
+        let constant = self.column(vec![1.0; n]);
+        let left = self.entry(&constant, &constant);
+        let fall = constant.along * constant.along / left;
+        let paid = charge(1.0, fall) + places;
+        if left <= SMALL * constant.plain || fall <= paid {
+            return self;
+        }
+        let own = |p: usize| self.square[p] - dot(self.absorbed.col_as_slice(p), &constant.taken);
+        let along: Vec<f64> = (0..n).map(own).collect();
+        let rank = self.absorbed.nrows();
+        let entry = |k: usize, p: usize| match k == rank {
+            true => along[p] / left.sqrt(),
+            false => self.absorbed[(k, p)],
+        };
+        self.absorbed = Mat::from_fn(rank + 1, n, entry);
+        add_scaled(&mut self.gradient, -constant.along / left, &along);
+        self.constant = Some([fall, paid]);
+        self
+    }
+
+    /// Of what changes each whitened equation so.
+    fn of(at: &AtFit, rows: &[usize], by: impl Fn(usize) -> f64) -> Self {
         let (mut square, mut gradient) = (Vec::new(), Vec::new());
         let mut absorbed = Mat::zeros(at.rank(), rows.len());
         for (p, &row) in rows.iter().enumerate() {
             let (mut aa, mut ar, aq) = (0.0, 0.0, absorbed.col_as_slice_mut(p));
             for e in at.equations(row) {
-                let a = at.by_reading(e, channel);
+                let a = by(e);
                 aa += a * a;
                 ar += a * at.residuals.whitened[e];
                 add_scaled(aq, a, at.q(e));
@@ -59,7 +98,7 @@ impl Errors {
             square.push(aa);
             gradient.push(ar - dot(aq, &at.pull));
         }
-        Self { square, gradient, absorbed, apart: apart.to_vec() }
+        Self { square, gradient, absorbed, apart: Vec::new(), constant: None }
     }
 
     /// True where they show in some equation.
@@ -72,6 +111,7 @@ impl Errors {
         let basis = Basis::of(variables, self.square.len(), &self.apart);
         let m = basis.degrees.len();
         let (square, gradient) = self.normal(&basis);
+        let [constant, paid] = self.constant.unwrap_or_default();
         let usual = self.square.iter().sum::<f64>() / self.square.len().max(1) as f64;
         let mut found = Vec::with_capacity(SMOOTH.len() * law_amplitudes() as usize);
         for smooth in SMOOTH {
@@ -82,7 +122,8 @@ impl Errors {
             for k in 0..law_amplitudes() {
                 let tau2 = 4.0_f64.powi(k) / (16.0 * usual);
                 let (fall, spread) = ridge.at(tau2);
-                let price = data.of((chi2 - fall).max(0.0)) - data.of(chi2) + spread;
+                let fall = fall + constant;
+                let price = data.of((chi2 - fall).max(0.0)) - data.of(chi2) + spread + paid;
                 found.push((price, fall, smooth, tau2));
             }
         }
@@ -259,7 +300,7 @@ pub(super) mod tests {
     use nalgebra::{DMatrix, DVector};
 
     use super::{Basis, Errors, SMOOTH, law_amplitudes};
-    use crate::diagnosis::price::{Data, Scale};
+    use crate::diagnosis::price::{Data, Scale, charge};
     use crate::diagnosis::unknown_law::variables::{Quantity, Variable};
 
     /// Weight of what is fitted: its variance is without bound.
@@ -285,6 +326,7 @@ pub(super) mod tests {
             gradient: a.iter().zip(&r).map(|(a, r)| a * r).collect(),
             absorbed: Mat::from_fn(1, n, |_, p| a[p] * q[p]),
             apart: Vec::new(),
+            constant: None,
         };
         (errors, a, q, r)
     }
@@ -330,29 +372,39 @@ pub(super) mod tests {
         let y = Variable::of(Quantity::Theta(1), waves(2.3)).expect("what changes");
         let plays = Variable::of_plays(Quantity::Play(1), vec![waves(3.1), waves(4.4)]);
         let plays = plays.expect("two that differ");
-        let (errors, a, q, r) = errors(n);
+        let (_, a, q, r) = errors(n);
         let data = Data { scale: Scale::Known(f64::INFINITY), dof: n as f64 };
-        for variables in [vec![&x], vec![&x, &y], vec![&plays], vec![&x, &plays]] {
-            let got = errors.evidence(&variables, &data, r.norm_squared()).price;
-            let basis = Basis::of(&variables, n, &[]);
-            let m = basis.degrees.len();
-            let z = DMatrix::from_fn(n, m, |p, j| a[p] * basis.values[p * m + j]);
-            let plain = DMatrix::identity(n, n) + &q * q.transpose() * FITTED;
-            let usual = a.norm_squared() / n as f64;
-            let mut sum = 0.0;
-            for s in SMOOTH {
-                for k in 0..law_amplitudes() {
-                    let tau = 0.25 * 2.0_f64.powi(k) / usual.sqrt();
-                    let sd = |j: usize| tau * basis.degrees[j].powf(-s);
-                    let prior =
-                        DMatrix::from_fn(m, m, |i, j| if i == j { sd(i).powi(2) } else { 0.0 });
-                    let cover = &plain + &z * prior * z.transpose();
-                    sum += (-0.5 * (gaussian(&r, &cover) - gaussian(&r, &plain))).exp();
+        let plain = DMatrix::identity(n, n) + &q * q.transpose() * FITTED;
+        let constant = &plain + &a * a.transpose() * FITTED;
+        // What is fitted has a variance without bound.
+        let fall = gaussian(&r, &plain) - gaussian(&r, &constant)
+            + (constant.determinant() / plain.determinant()).ln();
+        for (beside, plain) in [(false, plain), (true, constant)] {
+            let (errors, ..) = errors(n);
+            let errors = if beside { errors.beside_a_constant(0.5) } else { errors };
+            let paid = if beside { charge(1.0, fall) + 0.5 - fall } else { 0.0 };
+            for variables in [vec![&x], vec![&x, &y], vec![&plays], vec![&x, &plays]] {
+                let got = errors.evidence(&variables, &data, r.norm_squared()).price - paid;
+                let basis = Basis::of(&variables, n, &[]);
+                let m = basis.degrees.len();
+                let z = DMatrix::from_fn(n, m, |p, j| a[p] * basis.values[p * m + j]);
+                let usual = a.norm_squared() / n as f64;
+                let mut sum = 0.0;
+                for s in SMOOTH {
+                    for k in 0..law_amplitudes() {
+                        let tau = 0.25 * 2.0_f64.powi(k) / usual.sqrt();
+                        let sd = |j: usize| tau * basis.degrees[j].powf(-s);
+                        let prior =
+                            DMatrix::from_fn(m, m, |i, j| if i == j { sd(i).powi(2) } else { 0.0 });
+                        let cover = &plain + &z * prior * z.transpose();
+                        sum += (-0.5 * (gaussian(&r, &cover) - gaussian(&r, &plain))).exp();
+                    }
                 }
+                let many = SMOOTH.len() as f64 * f64::from(law_amplitudes());
+                let wanted = -2.0 * (sum / many).ln();
+                // The fitted directions have a variance of 1e8 there, and no bound here.
+                assert!((got - wanted).abs() < 1e-4, "{got} for {wanted}");
             }
-            let wanted = -2.0 * (sum / (SMOOTH.len() as f64 * f64::from(law_amplitudes()))).ln();
-            // The fitted direction has a variance of 1e8 there, and no bound here.
-            assert!((got - wanted).abs() < 1e-4, "{got} for {wanted}");
         }
     }
 }

@@ -9,14 +9,17 @@
 mod evidence;
 pub(crate) mod formula;
 pub mod variables;
+pub mod whose;
 
 use crate::Error;
 use crate::diagnosis::averaged::Averaged;
-use crate::diagnosis::price::{Data, Family, mean, of_number, prior};
-use crate::diagnosis::score::scored::{self, Scored, paid};
+use crate::diagnosis::price::{Data, Family, mean, of_number, of_places, prior};
+use crate::diagnosis::score::candidates::candidates;
+use crate::diagnosis::score::scored::{self, Scored, named_places, paid};
 use crate::diagnosis::unknown_law::evidence::{Errors, Evidence, Likeliest};
 use crate::diagnosis::unknown_law::formula::Written;
 use crate::diagnosis::unknown_law::variables::{Quantity, Variable, variables};
+use crate::diagnosis::unknown_law::whose::Whose;
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Target;
@@ -38,7 +41,9 @@ const MOST_SETS: usize = 4;
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnknownLaw {
     /// Whose errors follow it.
-    pub target: Target,
+    pub whose: Whose,
+    /// Others of which a law fits as well, the likeliest first.
+    pub also_of: Vec<Whose>,
     /// The effects in whose place it stands.
     pub replaces: Vec<Instance>,
     /// Its price with what stays beside it, (113).
@@ -78,6 +83,18 @@ pub struct DependsOn {
 }
 
 impl UnknownLaw {
+    /// The targets of which a law fits as well, each once, the likeliest first.
+    #[must_use]
+    pub fn targets(&self) -> Vec<Target> {
+        let mut all = vec![self.whose.target];
+        for other in &self.also_of {
+            if !all.contains(&other.target) {
+                all.push(other.target);
+            }
+        }
+        all
+    }
+
     /// True where it fits as well as what was found, or better.
     #[must_use]
     pub fn ties(&self) -> bool {
@@ -112,9 +129,9 @@ impl UnknownLaw {
     }
 }
 
-/// Laws of one channel, each of its variables.
+/// Laws of one place, each of its variables.
 struct Scan {
-    channel: usize,
+    whose: Whose,
     sets: Vec<(Vec<usize>, Evidence)>,
     price: f64,
     /// Errors by the likeliest of them.
@@ -147,7 +164,8 @@ struct Weighed {
     fit: Fit,
     price: f64,
     variables: Vec<Variable>,
-    scan: Scan,
+    /// Of each place, the likeliest first.
+    scans: Vec<Scan>,
 }
 
 impl Averaged<'_> {
@@ -169,6 +187,11 @@ impl Averaged<'_> {
         if rows.len() > MOST_SAMPLES || rows.is_empty() {
             return Ok(None);
         }
+        let built = Whose::built(&self.small.mechanism);
+        let candidates = candidates(&self.small, current, &self.search.without);
+        let named = candidates.iter().filter(|i| !i.term.info().penalised).count() as f64;
+        // An error of what is built that is the same in all poses is one more effect of the catalogue.
+        let constant = of_places(named_places(named)) + of_number(2) - of_number(1);
         let effects: Vec<Scored> =
             found.iter().copied().filter(|s| !scored::is_data(&s.instance)).collect();
         let mut replaced: Vec<Vec<Scored>> = vec![effects.clone()];
@@ -178,7 +201,8 @@ impl Averaged<'_> {
         let mut best: Option<Weighed> = None;
         for gone in replaced {
             // A law over torque holds what a load does: it is priced as that load, and what is beyond.
-            let over = |q: Quantity| gone.iter().any(|s| is_over(&s.instance, q));
+            let over =
+                |whose: &Whose, q: Quantity| gone.iter().any(|s| whose.holds(&s.instance, q));
             let (held, rest): (Vec<Scored>, Vec<Scored>) =
                 gone.iter().partition(|s| s.instance.term.info().needs != Needs::Nothing);
             let mut taken = vec![(gone.clone(), (!held.is_empty()).then_some(false))];
@@ -201,17 +225,20 @@ impl Averaged<'_> {
             }
             let beside: Vec<Beside> = fits
                 .iter()
-                .map(|(fit, price, holding)| self.beside(fit, *price, *holding))
-                .collect();
+                .map(|(fit, price, holding)| self.beside(fit, *price, *holding, &built))
+                .collect::<Result<_, _>>()?;
             let variables = variables(&beside[0].at, &rows)?;
-            let scan = likeliest(&beside, &rows, &variables, &over, &self.data);
-            let Some(scan) = scan else { continue };
-            if best.as_ref().is_none_or(|b| scan.price < b.scan.price) {
+            let scans = scans(&beside, &rows, &variables, &over, (&built, constant, &self.data));
+            let Some(least) = scans.iter().map(|scan| scan.price).reduce(f64::min) else {
+                continue;
+            };
+            if best.as_ref().is_none_or(|b| least < b.scans[0].price) {
                 let (fit, price, _) = fits.swap_remove(0);
-                best = Some(Weighed { gone, fit, price, variables, scan });
+                best = Some(Weighed { gone, fit, price, variables, scans });
             }
         }
-        let Some(Weighed { gone, fit, price, variables, scan }) = best else { return Ok(None) };
+        let Some(Weighed { gone, fit, price, variables, scans }) = best else { return Ok(None) };
+        let scan = &scans[0];
         let behind = scan.price - self.said_of(current) - paid(found);
         let near = match (effects.is_empty(), left_over) {
             (false, _) => behind <= RIVAL,
@@ -223,19 +250,23 @@ impl Averaged<'_> {
         }
         // A report has the formula of a law that ties.
         let formula = || {
-            let beside = self.beside(&fit, price, None);
-            formula_of(&beside, &rows, &scan, &variables, &self.data)
+            let whose: Vec<Whose> =
+                built.iter().copied().filter(|whose| *whose == scan.whose).collect();
+            let beside = self.beside(&fit, price, None, &whose)?;
+            Ok::<_, Error>(formula_of(&beside, &rows, scan, &variables, &self.data))
         };
-        let written = (behind <= AS_WELL).then(formula).flatten();
-        let on = depends_on(&scan, &variables);
+        let written = if behind <= AS_WELL { formula()? } else { None };
+        let on = depends_on(scan, &variables);
+        let also_of = scans[1..].iter().take_while(|other| other.price < scan.price + AS_WELL);
         let mut errors = vec![0.0; weights.len()];
         rows.iter().zip(&scan.likeliest.errors).for_each(|(&row, e)| errors[row] = *e);
         Ok(Some(UnknownLaw {
-            target: Target::Channel(scan.channel),
+            whose: scan.whose,
+            also_of: also_of.map(|other| other.whose).collect(),
             replaces: instances(&gone),
             price: scan.price,
             behind,
-            size: scan.likeliest.size() * self.small.mechanism.channels[scan.channel].gain.abs(),
+            size: scan.likeliest.size() * scan.whose.gain(&self.small.mechanism).abs(),
             told: scan.likeliest.told,
             left: fit.cost() - scan.fall,
             written,
@@ -245,14 +276,31 @@ impl Averaged<'_> {
         }))
     }
 
-    /// Laws beside a fit of this price.
-    fn beside<'b>(&'b self, fit: &'b Fit, price: f64, holding: Option<bool>) -> Beside<'b> {
-        Beside { at: AtFit::new(&self.small, fit), chi2: fit.cost(), price, holding }
+    /// Laws of channels, and of what is built, beside a fit of this price.
+    fn beside<'b>(
+        &'b self,
+        fit: &'b Fit,
+        price: f64,
+        holding: Option<bool>,
+        built: &[Whose],
+    ) -> Result<Beside<'b>, Error> {
+        let constants: Vec<Instance> =
+            built.iter().map(Whose::constant).collect::<Result<_, _>>()?;
+        let at = AtFit::with(&self.small, fit, &constants)?;
+        Ok(Beside { at, chi2: fit.cost(), price, holding })
     }
 }
 
 fn instances(of: &[Scored]) -> Vec<Instance> {
     of.iter().map(|s| s.instance).collect()
+}
+
+impl Whose {
+    /// True where a law over a quantity holds what an effect does: at links and closures that of an effect there.
+    fn holds(&self, effect: &Instance, quantity: Quantity) -> bool {
+        let there = matches!(self.target, Target::Channel(_)) || self.target == effect.target;
+        there && is_over(effect, quantity)
+    }
 }
 
 /// True where an effect is a function of a quantity: a law over it holds what the effect does.
@@ -266,25 +314,23 @@ fn is_over(instance: &Instance, quantity: Quantity) -> bool {
     }
 }
 
-/// The channel of the likeliest law, with its price; all fits leave the same errors to it but for what
-/// they keep.
-fn likeliest(
+/// The likeliest laws of each place, the likeliest place first; all fits leave the same errors to it but for
+/// what they keep.
+fn scans(
     beside: &[Beside],
     rows: &[usize],
     variables: &[Variable],
-    over: &(dyn Fn(Quantity) -> bool + Sync),
-    data: &Data,
-) -> Option<Scan> {
+    over: &(dyn Fn(&Whose, Quantity) -> bool + Sync),
+    (built, constant, data): (&[Whose], f64, &Data),
+) -> Vec<Scan> {
     let observations = beside[0].at.observations;
-    let scans = workers::map(0..observations.readings.channels, |channel| {
-        let gains = gain_of(observations, variables, channel);
-        let errors: Vec<Errors> =
-            beside.iter().map(|one| Errors::of(&one.at, rows, channel, &gains)).collect();
+    let scan = |whose: Whose, errors: &dyn Fn(&AtFit) -> Errors| {
+        let errors: Vec<Errors> = beside.iter().map(|one| errors(&one.at)).collect();
         if !errors[0].show() {
             return None;
         }
-        let each = sets(observations, variables, channel).into_iter().filter_map(|set| {
-            let holds = set.iter().any(|&v| over(variables[v].quantity));
+        let each = sets(observations, variables, &whose).into_iter().filter_map(|set| {
+            let holds = set.iter().any(|&v| over(&whose, variables[v].quantity));
             let (one, errors) = beside.iter().zip(&errors).find(|(one, _)| one.here(holds))?;
             let of: Vec<&Variable> = set.iter().map(|&v| &variables[v]).collect();
             let evidence = errors.evidence(&of, data, one.chi2);
@@ -300,15 +346,29 @@ fn likeliest(
         let of: Vec<&Variable> = set.iter().map(|&v| &variables[v]).collect();
         let likeliest = errors[0].likeliest(&of, best)?;
         let fall = best.fall;
-        Some(Scan { channel, sets, price, likeliest, fall })
+        Some(Scan { whose, sets, price, likeliest, fall })
+    };
+    let of_channels = workers::map(0..observations.readings.channels, |channel| {
+        let gains = gain_of(observations, variables, channel);
+        let errors = |at: &AtFit| Errors::of_channel(at, rows, channel, &gains);
+        scan(Whose::channel(channel), &errors)
     });
-    let scans: Vec<Scan> = scans.into_iter().flatten().collect();
-    let places = scans.len() as f64 / prior(Family::Free);
-    let best = scans.into_iter().min_by(|a, b| a.price.total_cmp(&b.price))?;
-    Some(Scan { price: best.price + 2.0 * places.ln(), ..best })
+    let of_built = workers::map(0..built.len(), |k| {
+        scan(built[k], &|at: &AtFit| Errors::of_beside(at, rows, k).beside_a_constant(constant))
+    });
+    // Of the places of a kind all are as likely.
+    let mut all: Vec<Scan> = Vec::with_capacity(of_channels.len() + of_built.len());
+    for kind in [of_channels, of_built] {
+        let kind: Vec<Scan> = kind.into_iter().flatten().collect();
+        let charge = 2.0 * (kind.len() as f64 / prior(Family::Free)).ln();
+        all.extend(kind.into_iter().map(|scan| Scan { price: scan.price + charge, ..scan }));
+    }
+    all.sort_by(|a, b| a.price.total_cmp(&b.price));
+    all
 }
 
-/// The likeliest formula of a channel, over the sets of variables that these data cannot tell apart.
+/// The likeliest formula of a place, over the sets of variables that these data cannot tell apart; a fit that
+/// has what is built beside it has that place alone.
 fn formula_of(
     beside: &Beside,
     rows: &[usize],
@@ -316,15 +376,20 @@ fn formula_of(
     variables: &[Variable],
     data: &Data,
 ) -> Option<Written> {
-    let gains = gain_of(beside.at.observations, variables, scan.channel);
-    let errors = Errors::of(&beside.at, rows, scan.channel, &gains);
+    let errors = match scan.whose.target {
+        Target::Channel(channel) => {
+            let gains = gain_of(beside.at.observations, variables, channel);
+            Errors::of_channel(&beside.at, rows, channel, &gains)
+        }
+        _ => Errors::of_beside(&beside.at, rows, 0),
+    };
     let least = scan.sets.iter().map(|(_, e)| e.price).fold(f64::INFINITY, f64::min);
     let mut likely: Vec<_> = scan.sets.iter().filter(|(_, e)| e.price < least + AS_WELL).collect();
     likely.sort_by(|a, b| a.1.price.total_cmp(&b.1.price));
     let each = likely.into_iter().take(MOST_SETS).filter_map(|(set, evidence)| {
         let of: Vec<Quantity> = set.iter().map(|&v| variables[v].quantity).collect();
         let smooth = evidence.price - beside.price;
-        formula::written(&beside.at, rows, scan.channel, &of, &errors, (data, beside.chi2, smooth))
+        formula::written(&beside.at, rows, &scan.whose, &of, &errors, (data, beside.chi2, smooth))
     });
     let best = each.min_by(|a, b| a.price.total_cmp(&b.price))?;
     (best.price < least - beside.price + AS_WELL).then_some(best)
@@ -343,11 +408,44 @@ fn gain_of(observations: &Observations, variables: &[Variable], channel: usize) 
     vec![vec![n.sqrt().recip(); own.values.len()], linear]
 }
 
+/// The sets of variables that a law may have.
+fn sets(observations: &Observations, variables: &[Variable], whose: &Whose) -> Vec<Vec<usize>> {
+    match whose.target {
+        Target::Channel(channel) => sets_of_channel(observations, variables, channel),
+        _ => sets_of_built(observations, variables, whose),
+    }
+}
+
+/// The sets of variables that a law of what is built may have: any one that is not of the way to a pose, and
+/// where two joints of its chains are.
+fn sets_of_built(
+    observations: &Observations,
+    variables: &[Variable],
+    whose: &Whose,
+) -> Vec<Vec<usize>> {
+    let mechanism = &observations.mechanism;
+    let chains = whose.chains(mechanism);
+    let near = |v: &usize| match variables[*v].quantity {
+        Quantity::Theta(c) => mechanism.chain_of(c).is_some_and(|chain| chains.contains(&chain)),
+        _ => false,
+    };
+    let of_pose = |v: &usize| !variables[*v].quantity.of_way();
+    let all: Vec<usize> = (0..variables.len()).filter(of_pose).collect();
+    let own: Vec<usize> = all.iter().copied().filter(near).collect();
+    let pairs =
+        own.iter().flat_map(|&v| own.iter().take_while(move |w| **w < v).map(move |w| vec![*w, v]));
+    all.iter().map(|&v| vec![v]).chain(pairs).collect()
+}
+
 /// The sets of variables that a law of a channel may have: any one that no term has as a free curve,
 /// its own reading with any other, and two of its chain, of which one is of the pose. What is of the
 /// way to a pose has a partner only where one of both is the channel's own. What a closure makes equal to
 /// the channel is its own reading and the residual.
-fn sets(observations: &Observations, variables: &[Variable], channel: usize) -> Vec<Vec<usize>> {
+fn sets_of_channel(
+    observations: &Observations,
+    variables: &[Variable],
+    channel: usize,
+) -> Vec<Vec<usize>> {
     let chain = |c: usize| observations.mechanism.chain_of(c);
     let near = |v: usize| {
         let its = variables[v].quantity.channel();

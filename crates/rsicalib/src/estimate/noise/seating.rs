@@ -37,6 +37,9 @@ impl Seatings {
         let weight = |row: usize| weights.map_or(1.0, |weights| weights[row].powi(2));
         let mut samples = vec![0.0; readings.poses()];
         (0..readings.samples).for_each(|row| samples[readings.pose[row]] += weight(row));
+        // A pose of which all samples are left out has the play of one: without any, an equation that no
+        // reading moves would have no variance.
+        samples.iter_mut().filter(|m| **m == 0.0).for_each(|m| *m = 1.0);
         Self(Some(readings.pose.iter().map(|&pose| samples[pose]).collect()))
     }
 

@@ -19,6 +19,7 @@ use crate::report::evidence::workspace::workspace;
 use crate::report::result::Known;
 use crate::report::traced::{Place, by_pose, with_law};
 use crate::terms::find;
+use crate::terms::law::term_of;
 use crate::terms::term::Acts;
 
 /// The smooth curve that stands for a law that no term has.
@@ -64,17 +65,25 @@ pub fn hypotheses(traced: &Traced, known: Option<&Known>) -> Result<Vec<Hypothes
     Ok(out)
 }
 
-/// A law that no term has: a fit to the readings less its likeliest errors. None where it cannot be fitted,
-/// or is not of one channel.
+/// A law that no term has: of a channel a fit to the readings less its likeliest errors, else one with its
+/// formula. None where it cannot be fitted, or has no formula.
 fn of_law(traced: &Traced, law: &UnknownLaw) -> Result<Option<Hypothesis>, Error> {
-    let Target::Channel(channel) = law.target else { return Ok(None) };
     let mut less = traced.small.clone();
-    less.readings = Arc::new(less.readings.less(channel, &law.errors));
     let kept = traced.last.model.instances.iter().filter(|i| !law.replaces.contains(i));
-    let Ok(mut one) = fit(&less, kept.copied().collect(), Some(&traced.last)) else {
-        return Ok(None);
-    };
-    one.dof = (one.dof - law.told).max(0.0);
+    let mut instances: Vec<Instance> = kept.copied().collect();
+    match (law.whose.target, &law.written) {
+        (Target::Channel(channel), _) => {
+            less.readings = Arc::new(less.readings.less(channel, &law.errors));
+        }
+        (target, Some(written)) => {
+            instances.push(Instance { term: term_of(&written.law)?, target, place: 0 });
+        }
+        _ => return Ok(None),
+    }
+    let Ok(mut one) = fit(&less, instances, Some(&traced.last)) else { return Ok(None) };
+    if let Target::Channel(_) = law.whose.target {
+        one.dof = (one.dof - law.told).max(0.0);
+    }
     let (kind, effects) = (HypothesisKind::UnknownLaw, with_law(traced, law));
     Ok(Some(Hypothesis { kind, effects, ..of_fit(traced, &less, &one, None)? }))
 }

@@ -25,10 +25,12 @@ use crate::diagnosis::price::{Data, charge};
 use crate::diagnosis::unknown_law::evidence::{Basis, Column, Errors};
 use crate::diagnosis::unknown_law::formula::refined::refine;
 use crate::diagnosis::unknown_law::formula::shapes::{Kind, Named, Product, Span, products};
-use crate::diagnosis::unknown_law::formula::sums::{MOST, SMALL, Sum, choices, fall, solved, sums};
+pub(super) use crate::diagnosis::unknown_law::formula::sums::SMALL;
+use crate::diagnosis::unknown_law::formula::sums::{MOST, Sum, choices, fall, solved, sums};
 use crate::diagnosis::unknown_law::variables::Quantity;
+use crate::diagnosis::unknown_law::whose::Whose;
 use crate::estimate::at_fit::AtFit;
-use crate::mechanism::{Class, Law, Mechanism, Per};
+use crate::mechanism::{Law, Mechanism, Target};
 use crate::model::{Model, Want, Workspace};
 use crate::numerics::lanes::Lanes;
 use crate::numerics::search::edge;
@@ -56,22 +58,25 @@ pub struct Written {
     pub probability: f64,
 }
 
-/// The formula that explains the errors of a channel best, over some variables; none where formulas do
+/// The formula that explains the errors of a place best, over some variables; none where formulas do
 /// not know these, or where no product shows. `smooth` is the price (115) of a smooth function of them.
 pub(super) fn written(
     at: &AtFit,
     rows: &[usize],
-    channel: usize,
+    whose: &Whose,
     quantities: &[Quantity],
     errors: &Errors,
     (data, chi2, smooth): (&Data, f64, f64),
 ) -> Option<Written> {
     let mechanism = &at.observations.mechanism;
     let named: Option<Vec<Named>> =
-        quantities.iter().map(|quantity| name(at, rows, channel, *quantity)).collect();
+        quantities.iter().map(|quantity| name(at, rows, whose, *quantity)).collect();
     let named = named?;
-    let products = products(&named);
-    let gain = mechanism.channels[channel].gain;
+    let mut products = products(&named);
+    if !matches!(whose.target, Target::Channel(_)) {
+        products.push(Product::constant());
+    }
+    let gain = whose.gain(mechanism);
     let columns = Columns { named: &named, errors, gain, last: RefCell::default() };
     let (square, gradient, shows) = columns.of(&products);
     let less = |fall: f64| data.of((chi2 - fall).max(0.0)) - data.of(chi2);
@@ -107,7 +112,7 @@ pub(super) fn written(
     let values: Vec<[f64; 2]> =
         which.iter().map(|&k| [-estimate[k], inverse[(k, k)].max(0.0).sqrt()]).collect();
     let texts: Vec<String> = best.products.iter().map(|one| one.text(&named)).collect();
-    let law = law(free_id(mechanism), &texts, &values);
+    let law = law(free_id(mechanism), whose, &texts, &values);
     law.formula().ok()?;
     Some(Written { law, values, price: best.price, probability: 1.0 / all })
 }
@@ -195,30 +200,26 @@ fn free_id(mechanism: &Mechanism) -> String {
 }
 
 /// The law of a sum.
-fn law(id: String, products: &[String], values: &[[f64; 2]]) -> Law {
+fn law(id: String, whose: &Whose, products: &[String], values: &[[f64; 2]]) -> Law {
     let names: Vec<String> = (1..=products.len()).map(|k| format!("c{k}")).collect();
-    let products = names.iter().zip(products).map(|(c, product)| format!("{c}*{product}"));
+    let products = names.iter().zip(products).map(|(c, product)| match product.is_empty() {
+        true => c.clone(),
+        false => format!("{c}*{product}"),
+    });
     let sizes = names.iter().zip(values).map(|(c, value)| (c.clone(), value[0].abs()));
-    Law {
-        id,
-        class: Class::Sensor,
-        per: Per::Channel,
-        parameters: sizes.collect::<BTreeMap<String, f64>>(),
-        correction: Some(products.collect::<Vec<_>>().join(" + ")),
-        moves: None,
-        amount: None,
-        doc: String::new(),
-    }
+    let text = products.collect::<Vec<_>>().join(" + ");
+    whose.law(id, text, sizes.collect::<BTreeMap<String, f64>>())
 }
 
-/// A quantity by the name that formulas of a channel have for it; none where they have none.
-fn name(at: &AtFit, rows: &[usize], channel: usize, quantity: Quantity) -> Option<Named> {
+/// A quantity by the name that formulas of a place have for it; none where they have none.
+fn name(at: &AtFit, rows: &[usize], whose: &Whose, quantity: Quantity) -> Option<Named> {
     let observations = at.observations;
     let (mechanism, readings) = (&observations.mechanism, &observations.readings);
     let lanes = readings.lane_of_rows();
     let of = |value: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
         rows.iter().map(|&row| value(lanes[row].0, lanes[row].1)).collect()
     };
+    let own = |c: usize| whose.target == Target::Channel(c);
     let plain = |text: &str, values| Named { text: text.into(), values, ..Named::default() };
     let theta = |c: usize| {
         let coordinates = coordinates(at, c);
@@ -244,13 +245,13 @@ fn name(at: &AtFit, rows: &[usize], channel: usize, quantity: Quantity) -> Optio
         Quantity::Torque(c) if mechanism.moves_joint(c) && !mechanism.tells_of_drives() => {
             let torques = Model::torques(mechanism, readings, |b| at.settled(b)).ok()?;
             let other = of_channel("torque", c);
-            let text = if c == channel { "torque" } else { &other };
+            let text = if own(c) { "torque" } else { &other };
             Named { signed: true, ..plain(text, of(&|block, lane| torques[block][c].0[lane])) }
         }
-        Quantity::Direction(c) if c == channel => {
+        Quantity::Direction(c) if own(c) => {
             plain("direction", of(&|block, lane| readings.approach(block)[c].0[lane]))
         }
-        Quantity::Velocity(c) if c == channel => {
+        Quantity::Velocity(c) if own(c) => {
             let values = of(&|block, lane| readings.velocity(block)[c].0[lane]);
             Named { signed: true, ..plain("velocity", values) }
         }

@@ -187,6 +187,11 @@ pub(super) struct Product(pub(super) Vec<(usize, Shape)>);
 pub(super) type Kind = (usize, i32);
 
 impl Product {
+    /// What is the same in all samples.
+    pub(super) fn constant() -> Self {
+        Self(Vec::new())
+    }
+
     pub(super) fn kinds(&self) -> Vec<Kind> {
         self.0.iter().map(|(v, shape)| (*v, shape.kind())).collect()
     }
@@ -199,9 +204,11 @@ impl Product {
     /// Its value in each sample.
     pub(super) fn values(&self, named: &[Named]) -> Vec<f64> {
         let of = |(v, shape): &(usize, Shape)| named[*v].of(*shape);
-        let mut factors = self.0.iter().map(of);
-        let first = factors.next().unwrap_or_default();
-        factors.fold(first, |product, f| product.iter().zip(&f).map(|(a, b)| a * b).collect())
+        let one = vec![1.0; named[0].values.len()];
+        self.0
+            .iter()
+            .map(of)
+            .fold(one, |product, f| product.iter().zip(&f).map(|(a, b)| a * b).collect())
     }
 }
 

@@ -9,7 +9,7 @@ pub(super) const MOST: usize = 3;
 const EXTENDED: usize = 40;
 
 /// Part of a column's length that is left beside what is fitted, below which it is rounding.
-pub(super) const SMALL: f64 = 1e-6;
+pub(in super::super) const SMALL: f64 = 1e-6;
 
 /// A sum of columns, by their numbers, and by how much χ² falls with it.
 #[derive(Debug, Clone)]
