@@ -142,12 +142,14 @@ def on_cables(**body: Any) -> dict[str, Any]:
     } | body
 
 
-def hung(seed: int, ends: list[int], poses: int = 60) -> tuple[Array, Array, Array]:
+def hung(
+    seed: int, ends: list[int], poses: int = 60, on_body: Array = CORNERS
+) -> tuple[Array, Array, Array]:
     """Readings of cables that hold these corners, their offsets, and where the corners are."""
     rng = np.random.default_rng(seed)
     middle = rng.uniform([-1, -0.8, 0.8], [1, 0.8, 2.0], (poses, 3))
     turned = Rotation.from_rotvec(rng.uniform(-0.3, 0.3, (poses, 3)))
-    corners = middle[:, None] + np.stack([turned.apply(corner) for corner in CORNERS], axis=1)
+    corners = middle[:, None] + np.stack([turned.apply(corner) for corner in on_body], axis=1)
     lengths = np.linalg.norm(corners[:, ends] - WINCHES, axis=2)
     offsets = rng.normal(0, 0.01, 8)
     return lengths - offsets + CABLE * rng.standard_normal(lengths.shape), offsets, corners
@@ -165,6 +167,34 @@ def test_a_body_on_eight_cables() -> None:
     placed = rsicalib.forward(readings, drawn, found)
     off = placed.reshape(len(read), 4, 3) - corners
     assert np.sqrt(np.mean(off**2)) < 3 * CABLE
+
+
+def test_a_corner_that_two_cables_hold_elsewhere_than_drawn_is_named_and_placed() -> None:
+    elsewhere = CORNERS.copy()
+    elsewhere[2] += [0.006, -0.004, 0.005]
+    read, _, corners = hung(8, ENDS, on_body=elsewhere)
+    drawn = rsicalib.Mechanism.from_dict(on_cables())
+    readings = rsicalib.Readings.from_arrays(drawn, read, pose=np.arange(len(read)))
+    found = rsicalib.trace(readings, drawn)
+    # The first of its two cables gives it its name.
+    assert [(step.term, step.target) for step in found.steps] == [("attachment_position", "cable2")]
+    assert found.verdict == "explained"
+    for parameter, true in zip(found.steps[0].parameters, elsewhere[2] - CORNERS[2], strict=True):
+        assert parameter.sd is not None
+        assert abs(parameter.value - true) < 4 * parameter.sd, parameter
+    placed = rsicalib.forward(readings, drawn, found).reshape(corners.shape)
+    assert np.sqrt(np.mean((placed - corners) ** 2)) < 3 * CABLE
+
+
+def test_all_corners_together_are_where_the_frame_of_the_body_is() -> None:
+    """Where nothing else sees the body, six of their twelve coordinates say nothing."""
+    read, *_ = hung(9, ENDS)
+    drawn = rsicalib.Mechanism.from_dict(on_cables())
+    readings = rsicalib.Readings.from_arrays(drawn, read, pose=np.arange(len(read)))
+    found = rsicalib.calibrate(readings, drawn, terms=["offset", "attachment_position"])
+    assert found.verdict == "undetermined"
+    # Of eight lengths in a pose its six coordinates take six.
+    assert found.fit is not None and found.fit.dof == len(read) * (8 - 6) - (8 + 12 - 6)
 
 
 UNCROSSED = [0, 1, 2, 3, 0, 1, 2, 3]

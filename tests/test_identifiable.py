@@ -33,6 +33,11 @@ def test_the_model_of_the_paper_can_be_known_whole() -> None:
     assert found.hidden == ()
 
 
+def test_terms_of_what_closures_end_at_are_refused() -> None:
+    with pytest.raises(rsicalib.InputError, match="anchor_position"):
+        identifiable(EXAMPLES / "draw_wire.toml", ["offset", "anchor_position"])
+
+
 def test_the_counts_do_not_depend_on_the_draw() -> None:
     path = EXAMPLES / "draw_wire.toml"
     found = {identifiable(path, COMPLETE, seed=seed).to_dict()["known"] for seed in range(3)}

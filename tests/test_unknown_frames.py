@@ -39,10 +39,12 @@ def session(
     pose: list[float] | None = None,
     plate: tuple[float, ...] = (0, 0, HIGH, 0, 0, 0),
     moved: Array | None = None,
+    joints: Array = PLATE,
 ) -> tuple[rsicalib.Mechanism, rsicalib.Readings, Array]:
     """A hexapod with some of its legs, its readings, and where the balls were.
 
-    `moved` is how far its feet stand from where they are drawn.
+    `moved` is how far its feet stand from where they are drawn; `joints` are where the plate
+    has its own.
     """
     feet = FEET if moved is None else FEET + moved
     rng = np.random.default_rng(5)
@@ -55,7 +57,7 @@ def session(
         return middle[:, None] + offset
 
     own = list(range(6))[:: 6 // legs] if legs < 4 else list(range(legs))
-    lengths = np.linalg.norm(carried(PLATE[own]) - feet[own], axis=2)
+    lengths = np.linalg.norm(carried(joints[own]) - feet[own], axis=2)
     read = lengths - rng.normal(0, 1, legs) + rng.normal(0, LENGTH, lengths.shape)
     at = carried(BALLS[:balls])
     seen = turned.inv().apply((at - ORIGIN).reshape(-1, 3)).reshape(at.shape)
@@ -154,13 +156,16 @@ def test_a_frame_that_is_not_found_is_said_to_be_lost() -> None:
     assert said == {"no_start": "instrument"}
 
 
-def test_a_foot_that_stands_elsewhere_than_drawn_is_named() -> None:
+@pytest.mark.parametrize("term", ["anchor_position", "attachment_position"])
+def test_an_end_of_a_leg_that_is_elsewhere_than_drawn_is_named(term: str) -> None:
+    """A foot along the axes of the base, a joint of the plate along those of the plate."""
     moved = np.zeros((6, 3))
     moved[2] = [2.0, -1.6, 2.4]
-    drawn, readings, _ = session(TURNS["anyhow"], 6, 3, moved=moved)
+    ends = {"moved": moved} if term == "anchor_position" else {"joints": PLATE + moved}
+    drawn, readings, _ = session(TURNS["anyhow"], 6, 3, **ends)
     found = rsicalib.trace(readings, drawn)
     (step,) = found.steps
-    assert (step.term, step.target) == ("anchor_position", "leg 2")
+    assert (step.term, step.target) == (term, "leg 2")
     assert found.verdict == "explained"
     # Along its leg the zero of the leg takes up a part: told by its interval.
     told = [(p.value, p.sd) for p in step.parameters]

@@ -9,8 +9,9 @@ use rsicalib::numerics::linearization::Problem;
 use rsicalib::readings::{Readings, Table};
 use rsicalib::terms::{self, find};
 
-use crate::devices::{How, Rng, derivative, instances, on_surface};
-use crate::differences::{check_parameters, check_readings, evaluated};
+use crate::devices::plate::lengths;
+use crate::devices::{Device, How, Rng, derivative, instances, on_surface, plate};
+use crate::differences::{check_parameters, check_readings, evaluated, placed};
 
 /// An arm of two joints that turn about z, at height `d`, and of one that slides along it: the tip is
 /// `[cos q1 + 0.7 cos(q1+q2), sin q1 + 0.7 sin(q1+q2), q3]`.
@@ -313,6 +314,96 @@ fn terms_of_a_known_plane_and_line_agree_with_differences() {
         let (all, values) = device.terms(&readings, &["offset", &terms[0], &terms[1]], 4);
         let (model, beta) = device.model(&readings, &all, &values);
         check_parameters(&model, &readings, &beta, 0..model.parameters);
+    }
+}
+
+// --- a body that is elsewhere in each pose -----------------------------------
+
+#[test]
+fn a_joint_of_a_plate_that_sits_elsewhere_moves_along_the_axes_of_the_plate() {
+    let device = plate(How::Held, 3);
+    let readings = device.readings();
+    let (all, values) = device.terms(&readings, &["attachment_position"], 4);
+    let (model, beta) =
+        device.model(&readings, &all, &values.iter().map(|v| 10.0 * v).collect::<Vec<_>>());
+    let moved: Vec<[f64; 3]> = beta.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect();
+    assert_eq!(moved.len(), device.mechanism.closures.len());
+    for (block, meta) in readings.blocks().iter().enumerate() {
+        let at = placed(&model, &readings, block, &beta);
+        let ws = evaluated(&model, &readings, block, &at, &beta);
+        for (lane, &row) in meta.rows[..meta.live].iter().enumerate() {
+            let pose = std::array::from_fn(|k| ws.xi[k].0[lane]);
+            let long = lengths(&device.mechanism, &pose, &moved);
+            for ((f, long), read) in ws.f.iter().zip(long).zip(legs(&device, readings.row(row))) {
+                let off = f.0[lane] - (long - read);
+                assert!(off.abs() < 1e-13, "{row}: {} for {}", f.0[lane], long - read);
+            }
+        }
+    }
+    check_parameters(&model, &readings, &beta, 0..model.parameters);
+    check_readings(&model, &readings, &beta);
+}
+
+/// What the channels of a plate read, as lengths.
+fn legs(device: &Device, row: &[f64]) -> Vec<f64> {
+    device.mechanism.channels.iter().zip(row).map(|(c, read)| c.gain * read + c.offset).collect()
+}
+
+/// The least half sum of squares of what legs miss their readings by, over all poses of the plate, by
+/// Gauss-Newton in plain products.
+fn nearest_plate(device: &Device, row: &[f64], moved: &[[f64; 3]], sigma: f64) -> f64 {
+    let (mechanism, read) = (&device.mechanism, legs(device, row));
+    let mut pose = mechanism.frames[0].pose.expect("drawn");
+    let missed = |pose: &[f64; 6]| {
+        let long = lengths(mechanism, pose, moved);
+        DVector::from_fn(read.len(), |k, _| (long[k] - read[k]) / sigma)
+    };
+    for _ in 0..12 {
+        let slope = DMatrix::from_columns(&std::array::from_fn::<_, 6, _>(|k| {
+            let along = |by: f64| {
+                let mut pose = pose;
+                pose[k] += by;
+                missed(&pose).as_slice().to_vec()
+            };
+            DVector::from_vec(derivative(along, 1e-3))
+        }));
+        let normal = slope.transpose() * &slope;
+        let step =
+            normal.lu().solve(&(slope.transpose() * missed(&pose))).expect("six coordinates");
+        pose.iter_mut().zip(step.iter()).for_each(|(own, step)| *own -= step);
+    }
+    0.5 * missed(&pose).norm_squared()
+}
+
+#[test]
+fn the_slope_by_a_joint_of_a_plate_is_exact_where_its_poses_have_settled() {
+    let mut device = plate(How::Held, 3);
+    let (counts, mut rng) = (1.0, Rng::new(8));
+    device.table.values.iter_mut().for_each(|read| *read += counts * rng.normal());
+    let sigma = counts * device.mechanism.channels[0].gain;
+    let readings = device.readings();
+    let (all, values) = device.terms(&readings, &["attachment_position"], 4);
+    let (model, beta) = device.model(&readings, &all, &values);
+    let part = Part { model: &model, readings: &readings, weights: None };
+    let noise = Noise::declared(vec![counts; readings.channels]);
+    let found = Implicit::new(vec![(part, noise)], &[]).linearize(&beta);
+    let cost = |beta: &[f64]| -> f64 {
+        let moved: Vec<[f64; 3]> = beta.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect();
+        let rows = 0..readings.samples;
+        rows.map(|r| nearest_plate(&device, readings.row(r), &moved, sigma)).sum()
+    };
+    let plain = cost(&beta);
+    // Both stand still to 1e-6 of their deviation, where the cost is flat.
+    assert!((found.cost - plain).abs() < 1e-9 * plain, "{} for {plain}", found.cost);
+    for k in [0, 4, 8] {
+        let along = |by: f64| {
+            let mut beta = beta.clone();
+            beta[k] += by;
+            vec![cost(&beta)]
+        };
+        let difference = derivative(along, 1e-3)[0];
+        let off = (found.gradient[k] - difference).abs();
+        assert!(off < 1e-7 * difference.abs(), "{k}: {} {difference}", found.gradient[k]);
     }
 }
 

@@ -494,7 +494,7 @@ impl Under {
             let found = settled(&part, &self.noise, block, beta);
             let xi = &found[readings.channels..];
             for (number, out) in out.iter_mut().enumerate() {
-                let at = model.posed.place(number, xi);
+                let at = model.posed.place(number, xi, beta);
                 for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
                     out[row] = at.map(|coordinate| coordinate.0[lane]);
                 }

@@ -166,6 +166,7 @@ pub fn identifiable(
     refuse_large("chains", mechanism.chains.iter().map(|chain| chain.rows.len()).sum())?;
     let configurations = Configurations::new(mechanism, &mut random)?;
     let instances = instances(&configurations, &counting, &mut random)?;
+    refuse_ends(&instances)?;
     refuse_large("terms", instances.iter().map(|one| one.term.info().parameters.len()).sum())?;
     let labels = Labels::of(&instances);
     let open = Open::new(mechanism, &instances, &labels, &mut random)?;
@@ -181,6 +182,16 @@ fn refuse_large(name: &'static str, count: usize) -> Result<(), Error> {
     let found = format!("{count} rows or parameters");
     let expected = format!("at most {MOST_COUNTED}: the time grows with their cube");
     Err(Error::Option { name, found, expected })
+}
+
+/// Refuses terms of what is at the ends of closures: nothing of an open chain tells of them.
+fn refuse_ends(instances: &[Instance]) -> Result<(), Error> {
+    let of_end = |acts| matches!(acts, Acts::Surface(_) | Acts::End | Acts::Attachment);
+    let Some(one) = instances.iter().find(|one| of_end(one.term.acts())) else { return Ok(()) };
+    let expected =
+        "terms of channels, chains and lengths: of what closures end at, nothing is counted";
+    let found = one.term.info().id.into();
+    Err(Error::Option { name: "terms", found, expected: expected.into() })
 }
 
 /// The instances of the model that is counted.
@@ -279,7 +290,7 @@ impl Open {
         let open = Configurations::new(&opened(mechanism)?, random)?;
         let geometric: Vec<Instance> = instances
             .iter()
-            .filter(|i| !matches!(i.term.acts(), Acts::Distance | Acts::Surface(_) | Acts::End))
+            .filter(|i| !matches!(i.term.acts(), Acts::Distance))
             .copied()
             .collect();
         // Three equations of each carried point: more rows than parameters by half.

@@ -236,6 +236,24 @@ impl Mechanism {
         }
     }
 
+    /// The point of a moving body at which a distance ends, by its number; none where no end, or each, is on
+    /// such a body, and where an earlier distance ends at this point.
+    pub(crate) fn attachment(&self, closure: usize) -> Option<usize> {
+        let is_distance = |c: &&Closure| c.kind.is_between_points() && c.kind.has_value();
+        let own = self.closures.get(closure).filter(is_distance)?;
+        let on_body = |name: &String| {
+            let named = self.points.iter().position(|point| point.name == *name);
+            named.filter(|&point| self.body_of(&self.points[point]).is_some())
+        };
+        let point = match own.between.each_ref().map(on_body) {
+            [Some(point), None] | [None, Some(point)] => point,
+            _ => return None,
+        };
+        let name = &self.points[point].name;
+        let mut before = self.closures[..closure].iter().filter(is_distance);
+        before.all(|earlier| !earlier.between.contains(name)).then_some(point)
+    }
+
     /// True for a point on a plane.
     pub(crate) fn is_on_plane(&self, closure: usize) -> bool {
         self.closures[closure].kind.facts().between()[1] == Part::Plane

@@ -333,6 +333,12 @@ impl Model {
                         self.loads.push(LoadAt { whose, chain, channel, parameter: first });
                     }
                 }
+                Acts::Attachment => {
+                    let Target::Closure(closure) = instance.target else { continue };
+                    let Some(point) = self.mechanism.attachment(closure) else { continue };
+                    let number = ends::number_of_moving(&self.mechanism, point);
+                    self.posed.points[number].moved_by = Some(first);
+                }
                 Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) | Acts::End => {
                     let gate = |acts| Gate { instance: number, acts };
                     if instance.term.placed() == Placed::AtPose {

@@ -482,7 +482,11 @@ impl Model {
                         columns.extend(own(*number));
                     }
                     End::Coordinate(c) => self.columns_of_channels(&[*c], None, &mut columns),
-                    End::Fixed(_) | End::Posed(_) | End::Seen(..) => {}
+                    End::Posed(number) => {
+                        let moved_by = self.posed.points[*number].moved_by;
+                        columns.extend(moved_by.into_iter().flat_map(|first| first..first + 3));
+                    }
+                    End::Fixed(_) | End::Seen(..) => {}
                 }
             }
             columns.sort_unstable();

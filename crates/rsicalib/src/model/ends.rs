@@ -81,6 +81,8 @@ pub(crate) struct Posed {
     pub(crate) slots: [Option<usize>; 3],
     /// The body that carries it.
     pub(crate) body: Option<usize>,
+    /// The first of three parameters of a term that moves it along the axes of its body.
+    pub(crate) moved_by: Option<usize>,
 }
 
 /// A rigid body that is somewhere else in each pose.
@@ -118,6 +120,7 @@ impl Moving {
             at: p.at.unwrap_or_default(),
             slots: p.frees().map(|free| free.then(&mut next)),
             body: mechanism.body_of(p).and_then(|own| frames.iter().position(|f| *f == own)),
+            moved_by: None,
         });
         let points = points.collect();
         let bodies = frames.iter().map(|f| Body {
@@ -145,18 +148,35 @@ impl Moving {
         points.chain(self.bodies.iter_mut().flat_map(|b| &mut b.slots))
     }
 
-    /// Where a point is, with what its coordinates in a pose are.
+    /// Where a point is, with what its coordinates in a pose and the parameters of the model are.
     #[inline(always)]
-    pub(crate) fn place(&self, number: usize, xi: &[Lanes]) -> Vec3 {
-        let Posed { at, slots, body } = &self.points[number];
+    pub(crate) fn place(&self, number: usize, xi: &[Lanes], beta: &[f64]) -> Vec3 {
+        let Posed { at, slots, body, moved_by } = &self.points[number];
         let Some(body) = body else {
             return std::array::from_fn(|i| slots[i].map_or(Lanes::splat(at[i]), |k| xi[k]));
         };
         let (origin, rotation, _) = self.pose(*body, xi);
+        let at: [f64; 3] =
+            std::array::from_fn(|j| at[j] + moved_by.map_or(0.0, |first| beta[first + j]));
         std::array::from_fn(|i| {
             let turned = (0..3).map(|j| rotation[i][j] * at[j]);
             turned.fold(origin[i], |sum, part| sum + part)
         })
+    }
+
+    /// The parameters that move a point on its body, each with the axis of the body along which it does.
+    #[inline(always)]
+    pub(crate) fn moves_on_body(
+        &self,
+        number: usize,
+        xi: &[Lanes],
+    ) -> impl Iterator<Item = (usize, Vec3)> + use<> {
+        let Posed { body, moved_by, .. } = &self.points[number];
+        let along = moved_by.zip(*body).map(|(first, body)| {
+            let (_, [x, y, z], _) = self.pose(body, xi);
+            [0, 1, 2].map(|k| (first + k, [x[k], y[k], z[k]]))
+        });
+        along.into_iter().flatten()
     }
 
     /// How a point moves with each of its coordinates in a pose.
@@ -233,8 +253,7 @@ fn point(mechanism: &Mechanism, name: &str, owned: &[Owned]) -> Result<End, Erro
     let at = point.at.unwrap_or_default();
     let number = |thing: Thing| owned.iter().position(|o| o.thing == thing);
     if mechanism.is_moving(point) {
-        let before = mechanism.points[..index].iter().filter(|p| mechanism.is_moving(p));
-        return Ok(End::Posed(before.count()));
+        return Ok(End::Posed(number_of_moving(mechanism, index)));
     }
     if let Some(number) = number(Thing::Point(index)) {
         return Ok(End::Unknown(number, at, point.frees()));
@@ -267,6 +286,11 @@ fn point(mechanism: &Mechanism, name: &str, owned: &[Owned]) -> Result<End, Erro
             End::Fixed(std::array::from_fn(|i| pose[i] + turned[i]))
         }
     })
+}
+
+/// The number of a point among those that are somewhere else in each pose.
+pub(crate) fn number_of_moving(mechanism: &Mechanism, index: usize) -> usize {
+    mechanism.points[..index].iter().filter(|point| mechanism.is_moving(point)).count()
 }
 
 /// The rotation of roll, pitch and yaw, row by row, eq. (1).

@@ -522,6 +522,10 @@ impl Model {
                                 ws.b[entry] += closure.kind.by_end(&at, row, &moved, sign);
                             }
                         }
+                        for (parameter, axis) in self.posed.moves_on_body(*number, &ws.xi) {
+                            let parameter = Source::Parameter(parameter);
+                            self.add_column(closure, parameter, &axis, &at, sign, want, ws);
+                        }
                     }
                     End::Seen(_, Measured::Unknown(number)) => {
                         let first = self.unknown_first(*number, group);
@@ -659,7 +663,7 @@ impl Model {
                 }
                 point
             }
-            End::Posed(number) => self.posed.place(*number, &ws.xi),
+            End::Posed(number) => self.posed.place(*number, &ws.xi, beta),
             End::Seen(columns, frame) => {
                 let point = [seen[columns[0]], seen[columns[1]], seen[columns[2]]];
                 match frame {

@@ -92,7 +92,11 @@ pub struct Outcome {
 }
 
 /// Minimises `½‖r(x)‖²` from `start`, which holds one number per parameter of the problem.
-pub fn minimize(problem: &impl Problem, start: &[f64], options: &SolverOptions) -> Outcome {
+pub fn minimize(
+    problem: &(impl Problem + ?Sized),
+    start: &[f64],
+    options: &SolverOptions,
+) -> Outcome {
     let mut x = start.to_vec();
     let mut here = problem.linearize(&x);
     let mut scale = vec![0.0; x.len()];

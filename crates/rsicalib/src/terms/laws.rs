@@ -6,7 +6,7 @@
 
 use faer::{Mat, Side};
 
-use crate::estimate::{Algebraic, Part};
+use crate::estimate::{Algebraic, Implicit, Noise, Part};
 use crate::mechanism::{ClosureKind, Target};
 use crate::model::{self, Instance, MOST_PARAMETERS, Prior};
 use crate::numerics::linearization::Problem;
@@ -14,7 +14,7 @@ use crate::numerics::lm::{self, SolverOptions};
 use crate::readings::Readings;
 use crate::terms::find;
 use crate::terms::laws::devices::{
-    Device, How, Rng, hand_controller, instance, instances, on_surface, pair, random, sizes,
+    Device, How, Rng, hand_controller, instance, instances, on_surface, pair, plate, random, sizes,
 };
 use crate::terms::laws::differences::{EVERY_STAGE, check_parameters, check_readings, evaluated};
 use crate::terms::targets::{provided, targets};
@@ -46,7 +46,9 @@ pub fn says_what_it_is(term: &dyn Term) {
         }
         Acts::Load(_) => assert_eq!((info.class, info.parameters.len()), (Class::Load, 1)),
         Acts::Surface(_) => assert_eq!(info.class, Class::Closure),
-        Acts::End => assert_eq!((info.class, info.parameters.len()), (Class::Closure, 3)),
+        Acts::End | Acts::Attachment => {
+            assert_eq!((info.class, info.parameters.len()), (Class::Closure, 3));
+        }
         Acts::Distance => assert_eq!((info.class, info.parameters.len()), (Class::Closure, 1)),
         Acts::Electronics(_) | Acts::Sensor(_) | Acts::Coupled(_) => {}
     }
@@ -149,9 +151,9 @@ fn found_again(term: &'static dyn Term, target: Target, mut device: Device) {
         model.mechanism.name
     );
     let fit = |priors: &[Prior]| {
-        let problem = Algebraic::new(part, priors);
+        let problem = problem(part, priors);
         assert!(problem.linearize(&start(0.0)).cost > 1e-9, "{name}: its effect is not to be seen");
-        let outcome = lm::minimize(&problem, &start(0.01), &SolverOptions::default());
+        let outcome = lm::minimize(problem.as_ref(), &start(0.01), &SolverOptions::default());
         // Readings close the loop to 1e-14 rad, or 1e-12 in² over 500 equations.
         assert!(outcome.cost < 1e-18, "{name}: left {:e}, {:?}", outcome.cost, outcome.termination);
         outcome.x
@@ -160,7 +162,7 @@ fn found_again(term: &'static dyn Term, target: Target, mut device: Device) {
 
     let at = model.instances.iter().position(|i| *i == own).expect("its own instance");
     let own = model.first[at]..model.first[at] + own.width();
-    let held = to_hold(&Algebraic::new(part, &[]).linearize(&truth).gram(), &own);
+    let held = to_hold(&problem(part, &[]).linearize(&truth).gram(), &own);
     let priors: Vec<Prior> = held
         .iter()
         .map(|&column| Prior::Parameter { column, mean: truth[column], sd: 1e-4 })
@@ -172,6 +174,15 @@ fn found_again(term: &'static dyn Term, target: Target, mut device: Device) {
         let (found, truth) = (found[column], truth[column]);
         assert!((found - truth).abs() <= 1e-4 * truth.abs(), "{name}: {found} should be {truth}");
     }
+}
+
+/// What is minimised: the misclosures, or what is left of them with what is unknown in each pose alone.
+fn problem<'a>(part: Part<'a>, priors: &'a [Prior]) -> Box<dyn Problem + 'a> {
+    if part.model.pose_unknowns() == 0 {
+        return Box::new(Algebraic::new(part, priors));
+    }
+    let noise = Noise::declared(vec![1.0; part.readings.channels]);
+    Box::new(Implicit::new(vec![(part, noise)], priors))
 }
 
 /// One parameter for each direction that the Gram matrix cannot see, those in
@@ -223,7 +234,7 @@ fn devices_for(term: &dyn Term) -> Vec<Device> {
     };
     devices.retain(has);
     if devices.is_empty() {
-        devices.extend(Some(pair(how, 3)).filter(has));
+        devices.extend([pair(how, 3), plate(how, 5)].into_iter().filter(has));
     }
     assert!(!devices.is_empty(), "no device has what {} needs", term.info().id);
     devices

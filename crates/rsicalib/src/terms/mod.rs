@@ -106,6 +106,7 @@ mod laws;
 // One `mod` and one registry line per term; the `mod`s stand outside the macro
 // because rustfmt does not look inside.
 mod anchor_position;
+mod attachment_position;
 mod bad_reading;
 mod base_bearing;
 mod base_position;
@@ -204,5 +205,6 @@ registry! {
     line_bend::LineBend,
     line_slip::LineSlip,
     anchor_position::AnchorPosition,
+    attachment_position::AttachmentPosition,
     point_slip::PointSlip,
 }

@@ -333,6 +333,8 @@ pub enum Acts {
     Distance,
     /// Moves the end of a closure that stands, along the axes of the base.
     End,
+    /// Moves the point of a body at which a distance ends, along the axes of the body.
+    Attachment,
     /// Corrects the offsets of a plane or a line by where it is touched.
     Surface(&'static dyn Surface),
     /// Corrects joint coordinates, moves a frame, or corrects the value of a distance, by a formula

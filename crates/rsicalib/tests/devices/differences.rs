@@ -41,6 +41,7 @@ fn away_from_corners(model: &Model) -> Model {
 pub fn check_parameters(model: &Model, readings: &Readings, beta: &[f64], columns: Range<usize>) {
     let model = &away_from_corners(model);
     let workspaces = every_block(model, readings, beta);
+    let places = every_place(model, readings, beta);
     check_active(model, &workspaces);
     for column in columns {
         let blocks = workspaces.iter().zip(readings.blocks());
@@ -48,7 +49,7 @@ pub fn check_parameters(model: &Model, readings: &Readings, beta: &[f64], column
             .flat_map(|(ws, block)| {
                 let here = model.columns()[block.group].iter().position(|c| *c == column);
                 let row = |k: usize| here.map_or(Lanes::ZERO, |i| ws.x[k * model.width() + i]);
-                (0..model.equations()).flat_map(|k| row(k).0).collect::<Vec<_>>()
+                (0..model.rows()).flat_map(|k| row(k).0).collect::<Vec<_>>()
             })
             .collect();
         let largest = largest(&analytic);
@@ -63,7 +64,7 @@ pub fn check_parameters(model: &Model, readings: &Readings, beta: &[f64], column
         let moved = |by: f64| {
             let mut beta = beta.to_vec();
             beta[column] += by;
-            misclosure(model, readings, &beta, 0, 0.0)
+            misclosure(model, readings, &places, &beta, (0, 0.0))
         };
         // Of angles h is near 1e-4: h⁴/480 of the fifth derivative is below 1e-10
         // of the first even through a free curve; rounding of f, 1e-13 in², over h too.
@@ -106,26 +107,32 @@ fn check_active(model: &Model, workspaces: &[Workspace]) {
     }
 }
 
-/// Checks `A` in every sample.
+/// Checks `A` in every sample, and `B`.
 pub fn check_readings(model: &Model, readings: &Readings, beta: &[f64]) {
     let model = &away_from_corners(model);
     let workspaces = every_block(model, readings, beta);
-    for channel in 0..readings.channels {
-        let analytic: Vec<f64> = workspaces
-            .iter()
-            .flat_map(|ws| ws.a.iter().skip(channel).step_by(readings.channels))
-            .flat_map(|lanes| lanes.0)
-            .collect();
+    let places = every_place(model, readings, beta);
+    for own in 0..model.stride() {
+        let coordinate = own.checked_sub(readings.channels);
+        let entries = |ws: &Workspace| -> Vec<f64> {
+            let (all, column, width) = match coordinate {
+                None => (&ws.a, own, readings.channels),
+                Some(k) => (&ws.b, k, model.pose_unknowns()),
+            };
+            all.iter().skip(column).step_by(width).flat_map(|lanes| lanes.0).collect()
+        };
+        let analytic: Vec<f64> = workspaces.iter().flat_map(entries).collect();
         // 2e-4 rad, of the shortest wave of a free curve 3e-3 of its period: h⁴/480 of the fifth
         // derivative stays below 1e-10, as does rounding of f over h; so it does for a distance
         // between points that are a twentieth of an arm apart.
-        let h = 2e-4 / model.scales[channel].gain.abs();
+        let per = coordinate.map_or_else(|| model.scales[own].gain.abs(), |_| 1.0);
+        let h = 2e-4 / per;
         let tolerance = 1e-8 * largest(&analytic);
-        let differences = derivative(|by| misclosure(model, readings, beta, channel, by), h);
+        let differences = derivative(|by| misclosure(model, readings, &places, beta, (own, by)), h);
         for (analytic, difference) in analytic.iter().zip(differences) {
             assert!(
                 (analytic - difference).abs() <= tolerance,
-                "{}, channel {channel}: {analytic} should be {difference}",
+                "{}, {own} of a sample: {analytic} should be {difference}",
                 model.mechanism.name
             );
         }
@@ -159,24 +166,38 @@ pub fn evaluated(
     ws
 }
 
+/// Readings of a block, and after them where that is which is somewhere else in each pose: differences
+/// leave it there.
+pub fn placed(model: &Model, readings: &Readings, block: usize, beta: &[f64]) -> Vec<Lanes> {
+    let mut ws = Workspace::default();
+    let raw = readings.raw(block);
+    model.evaluate(readings, block, raw, beta, Want { x: false, a: false }, &mut ws);
+    [raw, &ws.xi].concat()
+}
+
+/// The same of every block.
+fn every_place(model: &Model, readings: &Readings, beta: &[f64]) -> Vec<Vec<Lanes>> {
+    (0..readings.blocks().len()).map(|block| placed(model, readings, block, beta)).collect()
+}
+
 fn every_block(model: &Model, readings: &Readings, beta: &[f64]) -> Vec<Workspace> {
     let blocks = 0..readings.blocks().len();
     blocks.map(|b| evaluated(model, readings, b, readings.raw(b), beta)).collect()
 }
 
-/// The misclosure of every sample with one channel read otherwise.
+/// The misclosure of every sample, with one reading or coordinate of a pose by so much another.
 fn misclosure(
     model: &Model,
     readings: &Readings,
+    places: &[Vec<Lanes>],
     beta: &[f64],
-    channel: usize,
-    by: f64,
+    (own, by): (usize, f64),
 ) -> Vec<f64> {
     let mut f = Vec::new();
     let mut ws = Workspace::default();
-    for block in 0..readings.blocks().len() {
-        let mut a = readings.raw(block).to_vec();
-        a[channel] += Lanes::splat(by);
+    for (block, place) in places.iter().enumerate() {
+        let mut a = place.clone();
+        a[own] += Lanes::splat(by);
         model.evaluate(readings, block, &a, beta, Want { x: false, a: false }, &mut ws);
         f.extend(ws.f.iter().flat_map(|f| f.0));
     }

@@ -8,8 +8,8 @@ use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
 use rsicalib::mechanism::{
-    Chain, Channel, Closure, ClosureKind, Line, Mechanism, Motion, Plane, Point, Row, Target,
-    Value, hand_controller,
+    Chain, Channel, Closure, ClosureKind, Frame, Line, Mechanism, Motion, Plane, Point, Row,
+    Target, Value, hand_controller,
 };
 use rsicalib::model::{Instance, Model, Want, Workspace};
 use rsicalib::numerics::lanes::{Lanes, WIDTH};
@@ -17,8 +17,10 @@ use rsicalib::readings::{Readings, Table};
 use rsicalib::terms::term::Term;
 use rsicalib::terms::{self, targets};
 
+pub use plate::plate;
 pub use rng::Rng;
 
+pub mod plate;
 mod rng;
 
 /// How the readings were taken.
@@ -117,7 +119,7 @@ impl Device {
 /// Readings nearest to those given that close the loops, by Newton's method, and which rows still
 /// do not: out of reach, or between two sides. None where a pose is stretched.
 fn assemble(model: &Model, readings: &Readings, beta: &[f64]) -> Option<(Vec<f64>, Vec<bool>)> {
-    let (k, c) = (model.equations(), readings.channels);
+    let (k, c) = (model.rows(), readings.channels);
     let mut values = readings.table.values.clone();
     let mut open = vec![false; readings.samples];
     let mut ws = Workspace::default();
