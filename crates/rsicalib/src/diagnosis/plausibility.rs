@@ -80,7 +80,8 @@ pub fn absurdities(observations: &Observations, fit: &Fit, found: &[Instance]) -
         let (sigma, span) = (fit.noise.sigma[channel], span(mechanism, channel));
         (sigma > NOISE * span).then_some(Absurdity::Noise { channel, sigma, span })
     });
-    let (rms, length) = (fit.rms_misclosure, smallest_length(mechanism));
+    let length = smallest_length(mechanism).min(smallest_measured(observations, fit));
+    let rms = fit.rms_misclosure;
     let open = rms > largest_misclosure() * length && !is_declared(fit);
     let open = open.then_some(Absurdity::Misclosure { rms, length });
     let effects = found.iter().filter_map(|instance| oversized(fit, mechanism, instance));
@@ -118,6 +119,17 @@ fn smallest_length(mechanism: &Mechanism) -> f64 {
     let lengths: Vec<f64> = links.chain(tips).chain(distances).collect();
     let longest = lengths.iter().copied().fold(0.0, f64::max);
     lengths.into_iter().filter(|l| *l > LINK * longest).fold(f64::INFINITY, f64::min)
+}
+
+/// The smallest of the lengths that channels measure, in the middle of the session.
+fn smallest_measured(observations: &Observations, fit: &Fit) -> f64 {
+    let mechanism = &observations.mechanism;
+    let read = (0..mechanism.channels.len()).filter(|&channel| mechanism.measures(channel));
+    let length = |channel: usize| {
+        let offset = fit.model.column(Role::Offset, channel).map_or(0.0, |k| fit.beta[k]);
+        (mechanism.channels[channel].angle(observations.readings.mean[channel]) + offset).abs()
+    };
+    read.map(length).fold(f64::INFINITY, f64::min)
 }
 
 /// The parameter of an effect that is beyond all proportion, if there is one.

@@ -28,6 +28,8 @@ use crate::estimate::implicit::Implicit;
 use crate::estimate::mirrors::without_mirrors;
 use crate::estimate::objective::Part;
 use crate::estimate::observations::Observations;
+use crate::estimate::suspicion::Suspicion;
+use crate::estimate::unlike::exchanged;
 use crate::mechanism::Target;
 use crate::model::{Model, Thing};
 use crate::numerics::component::{Component, Contrasts};
@@ -46,7 +48,9 @@ pub fn with_groups(fit: Fit, observations: &Observations) -> Fit {
     if !fit.converged() || observations.is_long() {
         return fit;
     }
-    let fit = without_mirrors(fit, observations);
+    let mut fit = without_mirrors(fit, observations);
+    fit.warnings.retain(|warning| !matches!(warning, Suspicion::Unlike { .. }));
+    fit.warnings.extend(exchanged(&fit));
     let between = between(observations, &fit).map(Arc::new);
     as_near(observations, Fit { between, ..fit })
 }

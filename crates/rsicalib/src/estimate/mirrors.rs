@@ -147,7 +147,7 @@ fn offsets(observations: &Observations, fit: &Fit, number: usize, axes: &[usize]
 }
 
 /// Where a fit has an unknown point at these parameters.
-fn place(fit: &Fit, number: usize, beta: &[f64]) -> [f64; 3] {
+pub(crate) fn place(fit: &Fit, number: usize, beta: &[f64]) -> [f64; 3] {
     let mut at = drawn(fit, number);
     let unknown = &fit.model.unknowns[number];
     let Thing::Point(point) = unknown.thing else { return at };

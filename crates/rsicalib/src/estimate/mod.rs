@@ -42,6 +42,7 @@ pub mod suspicion;
 mod times;
 pub mod tried;
 mod turned;
+mod unlike;
 mod untouched;
 
 pub use algebraic::Algebraic;

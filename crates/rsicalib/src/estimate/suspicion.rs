@@ -20,6 +20,15 @@ pub enum Suspicion {
         /// True where it closes so beside a delay of all followers.
         late: bool,
     },
+    /// Anchors that are found are shaped as drawn with two of them exchanged, and by far not as they are named.
+    Unlike {
+        /// The channels that read the distances to these two.
+        channels: [usize; 2],
+        /// Root mean square by which distances between anchors differ from the drawing, length units.
+        off: f64,
+        /// The same with the two exchanged.
+        with: f64,
+    },
     /// The gap of a potentiometer's track lies within the range of motion.
     Gap {
         /// The channel.

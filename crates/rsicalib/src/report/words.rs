@@ -193,6 +193,18 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 loop_closes(*closes)
             )
         }
+        Suspicion::Unlike { channels: [a, b], off, with } => {
+            let unit = &mechanism.length_unit;
+            let [off, with] = [off, with].map(|rms| significant(*rms, 2));
+            format!(
+                "{} and {} look exchanged: the loops close with any names, but the anchors that are \
+                 found are not shaped as drawn. Distances between them differ from the drawing by {off} \
+                 {unit} rms, and by {with} {unit} with the anchors of these two exchanged; check the \
+                 wiring, the names of the columns, or the places of the points",
+                name(*a),
+                name(*b),
+            )
+        }
         Suspicion::Gap { channel, shown, rows, of, closes } => {
             let shown = match shown {
                 Shown::AtEnd => "reads an end of its range".into(),

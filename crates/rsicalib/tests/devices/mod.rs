@@ -119,7 +119,7 @@ impl Device {
 /// Readings nearest to those given that close the loops, by Newton's method, and which rows still
 /// do not: out of reach, or between two sides. None where a pose is stretched.
 fn assemble(model: &Model, readings: &Readings, beta: &[f64]) -> Option<(Vec<f64>, Vec<bool>)> {
-    let (k, c) = (model.rows(), readings.channels);
+    let (k, c) = (model.equations(), readings.channels);
     let mut values = readings.table.values.clone();
     let mut open = vec![false; readings.samples];
     let mut ws = Workspace::default();

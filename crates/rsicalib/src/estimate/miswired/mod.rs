@@ -15,6 +15,7 @@ mod mistake;
 mod rewired;
 mod stuck;
 
+pub(crate) use again::DECISIVE;
 pub(super) use again::{Again, closing};
 pub(super) use by_refit::{in_other_unit, miswired};
 pub(super) use mistake::OTHER_UNIT;
