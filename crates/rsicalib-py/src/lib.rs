@@ -58,7 +58,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(mechanism::terms, module)?)?;
     module.add_function(wrap_pyfunction!(mechanism::rules, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::angles_at, module)?)?;
-    module.add_function(wrap_pyfunction!(mechanism::rsi_forward, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::minimize, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::misclosure, module)?)?;
     module.add_function(wrap_pyfunction!(experiments::jacobian, module)?)?;

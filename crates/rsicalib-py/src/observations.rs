@@ -307,9 +307,6 @@ impl PyObservations {
     }
 }
 
-/// Poses, and the standard deviation of each component.
-type Uncertain = (Vec<[f64; 6]>, Vec<[f64; 6]>);
-
 #[derive(Serialize)]
 struct FitView {
     fit: FitReport,
@@ -393,24 +390,6 @@ impl PyFit {
         .map_err(PyError::from)?;
         let flat: Vec<f64> = poses.iter().flatten().copied().collect();
         PyArray1::from_vec(py, flat).reshape([poses.len(), 6])
-    }
-
-    /// Platform pose of every row and its standard deviations: shapes (n, 6).
-    fn forward_with_sd(&self, py: Python<'_>, table: PyTable<'_>) -> PyResult<Uncertain> {
-        let table = table.table();
-        let found = work(py, || {
-            rsicalib::apply::poses::poses_with_sd(&self.observations, &self.fit, table)
-        })?;
-        Ok(found.map_err(PyError::from)?)
-    }
-
-    /// Where the chains carry their points: shape (points, n, 3).
-    fn carried_points(&self, py: Python<'_>, table: PyTable<'_>) -> PyResult<Vec<Vec<[f64; 3]>>> {
-        let table = table.table();
-        let found = work(py, || {
-            rsicalib::apply::poses::carried_points(&self.observations, &self.fit, table)
-        })?;
-        Ok(found.map_err(PyError::from)?)
     }
 
     /// Whitened residuals: shape (samples, equations), standard normal if the model is right.
