@@ -30,22 +30,15 @@ pub fn spec_of((term, target, place): PySpec) -> Spec {
 /// Each of `parameters` is ((term, target, place), name, value); `centre`, `span` and
 /// `temperature` are those of the readings that they were found with.
 #[derive(FromPyObject, IntoPyObject)]
+#[pyo3(from_item_all)]
 pub struct PyApplied {
-    #[pyo3(item)]
     parameters: Vec<(PySpec, String, f64)>,
-    #[pyo3(item)]
     centre: Vec<f64>,
-    #[pyo3(item)]
     span: Vec<[f64; 2]>,
-    #[pyo3(item)]
     temperature: Option<f64>,
-    #[pyo3(item)]
     sigma: Vec<f64>,
-    #[pyo3(item)]
     declared: bool,
-    #[pyo3(item)]
     closures: Vec<(String, f64)>,
-    #[pyo3(item)]
     own: bool,
 }
 

@@ -82,24 +82,16 @@ type Calibration<'py> = (Bound<'py, PyAny>, PyFit, Option<PyFit>);
 
 /// What is known beside the readings, as Python gives it: see [`Beside`].
 #[derive(FromPyObject)]
+#[pyo3(from_item_all)]
 pub struct PyBeside<'py> {
-    #[pyo3(item)]
     mechanism: PyRef<'py, PyMechanism>,
-    #[pyo3(item)]
     declared: PyApplied,
-    #[pyo3(item)]
     known: Option<PyKnown<'py>>,
-    #[pyo3(item)]
     align: bool,
-    #[pyo3(item)]
     whole: Option<PyTable<'py>>,
-    #[pyo3(item)]
     groups: Option<Vec<String>>,
-    #[pyo3(item)]
     keep: Option<Vec<String>>,
-    #[pyo3(item)]
     leave: Option<Vec<String>>,
-    #[pyo3(item)]
     own: bool,
 }
 

@@ -33,10 +33,9 @@ type PyExpectation = (String, Option<String>, Option<String>, f64, f64);
 
 /// What is expected of parameters, and the readings at which offsets are meant.
 #[derive(FromPyObject)]
+#[pyo3(from_item_all)]
 pub struct PyExpected {
-    #[pyo3(item)]
     centre: Vec<f64>,
-    #[pyo3(item)]
     parameters: Vec<PyExpectation>,
 }
 

@@ -25,14 +25,11 @@ type Population<'py> = (Bound<'py, PyAny>, Vec<Values>, Vec<usize>, Option<usize
 
 /// What a device tells, as Python carries it: matrices as arrays, the rest as lists.
 #[derive(FromPyObject)]
+#[pyo3(from_item_all)]
 pub struct PyShare<'py> {
-    #[pyo3(item)]
     information: PyReadonlyArray2<'py, f64>,
-    #[pyo3(item)]
     told: PyReadonlyArray1<'py, f64>,
-    #[pyo3(item)]
     parameters: Vec<(String, String, String, String)>,
-    #[pyo3(item)]
     candidates: Vec<(String, Option<String>, String, Vec<usize>)>,
 }
 
