@@ -355,7 +355,7 @@ impl Places {
         shape("covariance", errors.covariance.len(), n * n)?;
         let acting =
             acting(mechanism, &errors.unseen, &table, applied.reference.temperature, posed)?;
-        let build = if posed { Under::with_terms } else { Under::open_with_terms };
+        let build = if posed { Under::new } else { Under::open };
         let mut under = build(mechanism, applied, table, &acting)?;
         let beta = under.internal(&under.values);
         let slopes = slopes_of(&under, &beta, posed)?;

@@ -214,7 +214,7 @@ pub fn platform_poses(
             why: "poses need the points that carry it",
         });
     }
-    let under = Under::new(mechanism, applied, table)?;
+    let under = Under::new(mechanism, applied, table, &[])?;
     Ok(under.poses(&under.values))
 }
 
@@ -232,7 +232,7 @@ pub fn points(
     applied: &Applied,
     table: Table,
 ) -> Result<Vec<Vec<[f64; 3]>>, Error> {
-    let under = Under::open(mechanism, applied, table)?;
+    let under = Under::open(mechanism, applied, table, &[])?;
     Ok(under.points(&under.values))
 }
 
@@ -295,17 +295,8 @@ pub(crate) struct Under {
 }
 
 impl Under {
-    /// The mechanism under a result.
+    /// The mechanism under a result, with terms `more` that the result lacks.
     pub(crate) fn new(
-        mechanism: &Mechanism,
-        applied: &Applied,
-        table: Table,
-    ) -> Result<Self, Error> {
-        Self::build(mechanism, applied, table, |_| true, &[])
-    }
-
-    /// The mechanism under a result, with terms that the result lacks.
-    pub(crate) fn with_terms(
         mechanism: &Mechanism,
         applied: &Applied,
         table: Table,
@@ -314,17 +305,8 @@ impl Under {
         Self::build(mechanism, applied, table, |_| true, more)
     }
 
-    /// Its chains under a result, without what closes them.
+    /// Its chains under a result, without what closes them, with terms `more` that the result lacks.
     pub(crate) fn open(
-        mechanism: &Mechanism,
-        applied: &Applied,
-        table: Table,
-    ) -> Result<Self, Error> {
-        Self::open_with_terms(mechanism, applied, table, &[])
-    }
-
-    /// The same with terms that the result lacks.
-    pub(crate) fn open_with_terms(
         mechanism: &Mechanism,
         applied: &Applied,
         table: Table,

@@ -57,7 +57,7 @@ impl Placer {
             None => {
                 let table = Table { values: reading.to_vec(), ..Table::default() };
                 let build = if what == Placed::Carried { Under::open } else { Under::new };
-                let under = build(&self.mechanism, &self.applied, table)?;
+                let under = build(&self.mechanism, &self.applied, table, &[])?;
                 let beta = under.internal(&under.values);
                 self.last.insert((under, beta))
             }

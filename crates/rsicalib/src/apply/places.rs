@@ -56,7 +56,7 @@ pub fn places(
     let (what, names) = (Placed::of(mechanism), names_of(mechanism)?);
     let posed = what == Placed::Platform;
     let build = if what == Placed::Carried { Under::open } else { Under::new };
-    let mut under = build(mechanism, applied, table)?;
+    let mut under = build(mechanism, applied, table, &[])?;
     let angle = |k: usize| posed && k % 6 >= 3;
     let sd = match covariance {
         Some(covariance) => {

@@ -108,7 +108,7 @@ impl Observations {
         earlier: Option<&Model>,
         instances: Vec<Instance>,
     ) -> Result<Model, Error> {
-        Model::about_as(earlier, &self.mechanism, &self.readings, instances, &self.centre)
+        Model::about(earlier, &self.mechanism, &self.readings, instances, &self.centre)
     }
 
     /// The model of a fit of these readings with candidates beside its terms.

@@ -65,7 +65,9 @@ pub fn forecast(
     if n == 0 {
         return Ok(None);
     }
-    let Some(square) = mean_square(&Under::new(mechanism, last, table)?)? else { return Ok(None) };
+    let Some(square) = mean_square(&Under::new(mechanism, last, table, &[])?)? else {
+        return Ok(None);
+    };
     let root = square_root(&DMatrix::from_row_slice(n, n, covariance));
     let course = |k: usize| {
         let own = &last.parameters[k];

@@ -47,8 +47,7 @@ impl Model {
         readings: &Readings,
         instances: Vec<Instance>,
     ) -> Result<Self, Error> {
-        let centre = readings.mean.clone();
-        Self::about(mechanism, readings, instances, &centre)
+        Self::about(None, mechanism, readings, instances, &readings.mean)
     }
 
     /// As [`Model::new`], with offsets at reading zero, as in the paper.
@@ -64,30 +63,17 @@ impl Model {
         for instance in &instances {
             provided(instance.term, mechanism, readings)?;
         }
-        Self::compile(mechanism, readings, instances, &vec![0.0; mechanism.channels.len()])
+        let zero = vec![0.0; mechanism.channels.len()];
+        Self::compile(mechanism, readings, instances, &zero, mechanism)
     }
 
-    /// As [`Model::new`], with offsets at the readings `centre`, one per channel.
+    /// As [`Model::new`], with offsets at the readings `centre`, one per channel, and with the redundant
+    /// equations of an `earlier` model of the mechanism left out: the same in all models of a search.
     ///
     /// # Errors
     ///
     /// As [`Model::new`], and [`Error::Shape`] unless `centre` has one reading per channel.
     pub fn about(
-        mechanism: &Mechanism,
-        readings: &Readings,
-        instances: Vec<Instance>,
-        centre: &[f64],
-    ) -> Result<Self, Error> {
-        Self::about_as(None, mechanism, readings, instances, centre)
-    }
-
-    /// As [`Model::about`], with the redundant equations of an earlier model of the mechanism left
-    /// out: the same in all models of a search.
-    ///
-    /// # Errors
-    ///
-    /// As [`Model::about`].
-    pub(crate) fn about_as(
         earlier: Option<&Self>,
         mechanism: &Mechanism,
         readings: &Readings,
@@ -100,12 +86,12 @@ impl Model {
         for instance in instances.iter().filter(|i| !i.is_past()) {
             provided(instance.term, mechanism, readings)?;
         }
-        let mut model = Self::compile(mechanism, readings, instances, centre)?;
+        let mut model = Self::compile(mechanism, readings, instances, centre, mechanism)?;
         model.leave_out_equations(earlier, readings);
         Ok(model)
     }
 
-    /// As [`Model::about_as`], with instances that were made for the mechanism: they are not checked
+    /// As [`Model::about`], with instances that were made for the mechanism: they are not checked
     /// again.
     pub(crate) fn with_candidates(
         earlier: &Self,
@@ -129,7 +115,7 @@ impl Model {
         readings: &Readings,
         instances: Vec<Instance>,
     ) -> Result<Self, Error> {
-        Self::compile(mechanism, readings, instances, &readings.mean)
+        Self::compile(mechanism, readings, instances, &readings.mean, mechanism)
     }
 
     /// The same terms and parameters with other closures and readings.
@@ -154,8 +140,7 @@ impl Model {
     ) -> Result<Self, Error> {
         let centre: Vec<f64> = self.scales.iter().map(|s| s.centre).collect();
         let instances = self.instances.clone();
-        let mut model =
-            Self::compile_held(mechanism, readings, instances, &centre, &self.mechanism)?;
+        let mut model = Self::compile(mechanism, readings, instances, &centre, &self.mechanism)?;
         model.scales.clone_from(&self.scales);
         // Tilts count from the same axes.
         for (number, unknown) in model.unknowns.iter().enumerate() {
@@ -183,17 +168,8 @@ impl Model {
         Ok(drawn.torques_at(readings, settled))
     }
 
+    /// Closures beyond those of `held_by` bear no weight.
     fn compile(
-        mechanism: &Mechanism,
-        readings: &Readings,
-        instances: Vec<Instance>,
-        centre: &[f64],
-    ) -> Result<Self, Error> {
-        Self::compile_held(mechanism, readings, instances, centre, mechanism)
-    }
-
-    /// As [`Model::compile`], where closures beyond those of `held_by` bear no weight.
-    fn compile_held(
         mechanism: &Mechanism,
         readings: &Readings,
         instances: Vec<Instance>,

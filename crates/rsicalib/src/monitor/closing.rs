@@ -153,7 +153,7 @@ pub fn rms_misclosure(
     table: Table,
     counted: &[bool],
 ) -> Result<Option<f64>, Error> {
-    let under = Under::new(mechanism, applied, table)?;
+    let under = Under::new(mechanism, applied, table, &[])?;
     let (model, readings) = (&under.model, &under.readings);
     if counted.len() != readings.samples {
         let (what, found) = ("counted rows".into(), counted.len());
@@ -184,7 +184,7 @@ pub fn closing(
     Scale { residual, dof, correlation }: Scale,
 ) -> Result<Option<Closing>, Error> {
     let SomePoses { table, whole } = readings;
-    let mut under = match Under::new(mechanism, applied, table) {
+    let mut under = match Under::new(mechanism, applied, table, &[]) {
         Err(Error::Missing { .. } | Error::Context { .. }) => return Ok(None),
         under => under?,
     };

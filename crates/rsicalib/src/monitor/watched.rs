@@ -58,17 +58,6 @@ pub(crate) struct Candidate {
 }
 
 impl Watched {
-    /// Compiles the model with the changes to test; `covariance` is that of the calibration's
-    /// parameters, row by row.
-    pub(crate) fn new(
-        mechanism: &Mechanism,
-        applied: &Applied,
-        covariance: Option<&[f64]>,
-        specs: Vec<Spec>,
-    ) -> Result<Self, Error> {
-        Self::build(mechanism, applied, covariance, specs, &[])
-    }
-
     /// As [`Watched::new`], with all that may change at work, at once or little by little.
     pub(crate) fn at_work(
         mechanism: &Mechanism,
@@ -76,12 +65,13 @@ impl Watched {
         covariance: &[f64],
     ) -> Result<Self, Error> {
         let (specs, more) = (changes(mechanism), gains(mechanism));
-        let own = Self::build(mechanism, applied, Some(covariance), specs, &more)?;
+        let own = Self::new(mechanism, applied, Some(covariance), specs, &more)?;
         Ok(own.with_factors(mechanism).with_drifts())
     }
 
-    /// The model has the terms `more`, too, which are no candidates.
-    fn build(
+    /// Compiles the model with the changes to test; `covariance` is that of the calibration's
+    /// parameters, row by row. The model has the terms `more`, too, which are no candidates.
+    pub(crate) fn new(
         mechanism: &Mechanism,
         applied: &Applied,
         covariance: Option<&[f64]>,
@@ -91,7 +81,7 @@ impl Watched {
         refuse(mechanism)?;
         refuse_context(mechanism, applied)?;
         let terms: Vec<Spec> = specs.iter().chain(more).cloned().collect();
-        let under = Under::with_terms(mechanism, applied, spread(mechanism, applied), &terms)?;
+        let under = Under::new(mechanism, applied, spread(mechanism, applied), &terms)?;
         let internal = internal_covariance(&under, covariance)?;
         let model = &under.model;
         let mut order: Vec<usize> =
