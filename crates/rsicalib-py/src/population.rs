@@ -35,21 +35,9 @@ pub struct PyShare<'py> {
 
 impl From<&PyShare<'_>> for Share {
     fn from(given: &PyShare<'_>) -> Self {
-        let parameter =
-            |(term, target, name, unit): &(String, String, String, String)| ParameterReport {
-                term: term.clone(),
-                target: target.clone(),
-                place: None,
-                place_interval: None,
-                name: name.clone(),
-                value: f64::NAN,
-                sd: None,
-                interval: None,
-                sd_between: None,
-                unit: unit.clone(),
-                note: None,
-                earlier: None,
-            };
+        let parameter = |(term, target, name, unit): &(String, String, String, String)| {
+            ParameterReport::named(term, target.clone(), name, unit.clone())
+        };
         let candidate =
             |(term, target, name, columns): &(_, Option<String>, String, Vec<usize>)| {
                 let spec = Spec { term: String::clone(term), target: target.clone(), place: None };
