@@ -16,7 +16,7 @@ use crate::readings::context::{STRETCH, direction, is_motion, sides, standstills
 use crate::readings::course::{CourseAt, Courses};
 use crate::readings::doubled::doubled;
 use crate::readings::holding::Holding;
-use crate::readings::table::{Part, Table, mean_of};
+use crate::readings::table::{Part, Table, average, mean_of};
 use crate::readings::way::{Memories, Memory, Visits};
 
 /// Temperatures this near to the one they count from show nothing of it [K].
@@ -148,31 +148,9 @@ impl Readings {
             live.push(counted.len() as f64);
             used.push(if counted.is_empty() { rows } else { counted });
         }
-        let mean = |f: &dyn Fn(usize) -> f64| -> Vec<f64> {
-            used.iter().map(|u| u.iter().map(|&r| f(r)).sum::<f64>() / u.len() as f64).collect()
-        };
-        // Of what was not measured in some samples, the mean of the others.
-        let measured = |column: &Vec<f64>| -> Vec<f64> {
-            used.iter().map(|u| mean_of(u.iter().map(|&r| column[r]))).collect()
-        };
-        let channels = self.channels;
-        let by_channel: Vec<Vec<f64>> =
-            (0..channels).map(|c| mean(&|r| self.table.values[r * channels + c])).collect();
-        let table = Table {
-            values: (0..used.len()).flat_map(|p| by_channel.iter().map(move |c| c[p])).collect(),
-            pose: Some(self.labels.clone()),
-            time: self.table.time.as_ref().map(|t| mean(&|r| t[r])),
-            temperature: self.table.temperature.as_ref().map(|t| mean(&|r| t[r])),
-            session: self.table.session.as_ref().map(|s| used.iter().map(|u| s[u[0]]).collect()),
-            keys: self
-                .table
-                .keys
-                .iter()
-                .map(|k| used.iter().map(|u| k[u[0]].clone()).collect())
-                .collect(),
-            columns: self.table.columns.iter().map(measured).collect(),
-            part: self.table.part_of(used.iter().map(|u| u[0])),
-        };
+        let rows: Vec<_> = used.iter().map(|rows| rows.iter().copied()).collect();
+        let pose = Some(self.labels.clone());
+        let table = Table { pose, ..average(&self.table, self.channels, &rows) };
         let of_whole = |(whole, own): &(Arc<Self>, Vec<usize>)| {
             (whole.clone(), used.iter().map(|u| own[u[0]]).collect())
         };
