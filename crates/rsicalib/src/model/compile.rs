@@ -6,7 +6,7 @@ use crate::Error;
 use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
 use crate::mechanism::{Closure, Mechanism, Target, Value};
 use crate::model::compiled::{
-    Added, CompiledClosure, ElectronicsAt, Gate, Gating, LoadAt, Model, SensorAt, ShapeAt,
+    Added, CompiledClosure, Gate, Gating, LoadAt, Model, ShapeAt, TermAt,
 };
 use crate::model::drives::Drives;
 use crate::model::ends::{self, MovedEnd, Moving, Only};
@@ -268,30 +268,16 @@ impl Model {
             };
             match instance.term.acts() {
                 Acts::Sensor(term) => {
-                    let suited = suited(&self.mechanism, instance);
-                    self.sensors.extend(suited.map(|channel| SensorAt {
-                        term,
-                        channel,
-                        place,
-                        session,
-                        first,
-                        width,
-                    }));
+                    let at = |channel| TermAt { term, channel, place, session, first, width };
+                    self.sensors.extend(suited(&self.mechanism, instance).map(at));
                 }
                 Acts::Coupled(term) => {
                     let at = LawAt::each(&self.mechanism, instance, term, first, session);
                     self.laws.extend(at);
                 }
                 Acts::Electronics(term) => {
-                    let suited = suited(&self.mechanism, instance);
-                    self.electronics.extend(suited.map(|channel| ElectronicsAt {
-                        term,
-                        channel,
-                        place,
-                        session,
-                        first,
-                        width,
-                    }));
+                    let at = |channel| TermAt { term, channel, place, session, first, width };
+                    self.electronics.extend(suited(&self.mechanism, instance).map(at));
                 }
                 Acts::Load(whose) => {
                     let chains = |c: &usize| self.mechanism.chain_of(*c);
@@ -397,7 +383,7 @@ impl Model {
             if !is_here(instance.target) {
                 continue;
             }
-            let gate = self.gates.iter().position(|gate| gate.instance == number);
+            let gate = self.gate_of(number);
             for (k, (at, axis, way)) in freedoms.iter().enumerate() {
                 if *at == spot {
                     let source = match gate {
@@ -408,6 +394,11 @@ impl Model {
                 }
             }
         }
+    }
+
+    /// What the motion of an instance is multiplied by in each sample, among the gates.
+    fn gate_of(&self, number: usize) -> Option<usize> {
+        self.gates.iter().position(|gate| gate.instance == number)
     }
 
     fn compile_closures(&mut self, readings: &Readings) -> Result<(), Error> {
@@ -470,7 +461,7 @@ impl Model {
         let instances = self.instances.iter().zip(&self.first).enumerate();
         let moved = |(number, (instance, &first)): (usize, (&Instance, &usize))| {
             let only = self.at_closure(instance.target, closure)?;
-            let gate = self.gates.iter().position(|gate| gate.instance == number);
+            let gate = self.gate_of(number);
             let acts = matches!(instance.term.acts(), Acts::End);
             acts.then_some(MovedEnd { end, first, gate, only })
         };
@@ -501,7 +492,7 @@ impl Model {
         let instances = self.instances.iter().zip(&self.first).enumerate();
         let shape = |(number, (instance, &first)): (usize, (&Instance, &usize))| {
             let Acts::Surface(term) = instance.term.acts() else { return None };
-            let gate = self.gates.iter().position(|gate| gate.instance == number);
+            let gate = self.gate_of(number);
             let width = instance.width();
             let only = self.at_closure(instance.target, closure)?;
             Some(ShapeAt { term, first, width, gate, only })
@@ -515,10 +506,9 @@ impl Model {
             matches!(i.term.acts(), Acts::Distance) && i.target == Target::Closure(closure)
         };
         let instances = self.instances.iter().zip(&self.first).enumerate();
-        let added = instances.filter(|(_, (i, _))| own(i)).map(|(number, (_, &parameter))| Added {
-            parameter,
-            gate: self.gates.iter().position(|g| g.instance == number),
-        });
+        let added = instances
+            .filter(|(_, (i, _))| own(i))
+            .map(|(number, (_, &parameter))| Added { parameter, gate: self.gate_of(number) });
         added.collect()
     }
 
