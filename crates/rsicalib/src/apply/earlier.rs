@@ -258,7 +258,7 @@ pub(crate) fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
     points.push(Point { name: anchor.clone(), at: Some([0.0; 3]), ..Point::default() });
     // A channel that reads a length, or is like another, senses no joint: it stays at what it read.
     let senses = |closure: &&Closure| {
-        closure.channel.is_some() || closure.kind.facts().between().contains(&EndOf::Channel)
+        closure.channel.is_some() || closure.kind.facts().between.contains(&EndOf::Channel)
     };
     let sensed = mechanism.closures.iter().filter(senses).map(|closure| {
         let between = match closure.channel {

@@ -27,7 +27,7 @@ fn touches(mechanism: &Mechanism) -> Vec<Touch<'_>> {
         let columns = point(other)?.keys();
         (!columns.is_empty()).then_some(Touch { carried: number(one)?, columns })
     };
-    let closed = mechanism.closures.iter().filter(|c| c.kind.facts().is_vector());
+    let closed = mechanism.closures.iter().filter(|c| c.kind.facts().is_vector);
     closed
         .flat_map(|c| [touch(&c.between[0], &c.between[1]), touch(&c.between[1], &c.between[0])])
         .flatten()

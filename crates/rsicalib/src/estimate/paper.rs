@@ -181,7 +181,7 @@ impl Layout {
                     self.ends.len() - 1
                 });
             }
-            let value = match (closure.kind.facts().given(), &closure.value) {
+            let value = match (closure.kind.facts().given, &closure.value) {
                 (Given::Value, Some(Value::Known(d))) => *d,
                 (Given::Nothing, _) => 0.0,
                 _ => {

@@ -8,7 +8,7 @@ use crate::mechanism::places::{Frame, Line, Plane};
 impl Closure {
     /// True where the coordinates of two channels are equal.
     pub(crate) fn is_of_channels(&self) -> bool {
-        self.kind.facts().between() == [Part::Channel; 2]
+        self.kind.facts().between == [Part::Channel; 2]
     }
 }
 
@@ -142,7 +142,7 @@ impl Mechanism {
     /// Columns of the readings which hold measured distances, in the order of the closures.
     #[must_use]
     pub fn distance_columns(&self) -> Vec<String> {
-        let lengths = |c: &&Closure| c.kind.facts().given() == Given::Value;
+        let lengths = |c: &&Closure| c.kind.facts().given == Given::Value;
         each_once(self.closures.iter().filter(lengths).filter_map(column_of))
     }
 
@@ -199,7 +199,7 @@ impl Mechanism {
     /// True for a closure whose value the drawing alone says.
     pub(crate) fn is_drawn(&self, closure: usize) -> bool {
         let closure = &self.closures[closure];
-        match closure.kind.facts().between()[1] {
+        match closure.kind.facts().between[1] {
             Part::Plane => {
                 let mut planes = self.planes.iter();
                 planes.any(|p| p.name == closure.between[1] && p.unknown.is_none())
@@ -238,12 +238,12 @@ impl Mechanism {
 
     /// True for a point on a plane.
     pub(crate) fn is_on_plane(&self, closure: usize) -> bool {
-        self.closures[closure].kind.facts().between()[1] == Part::Plane
+        self.closures[closure].kind.facts().between[1] == Part::Plane
     }
 
     /// True for a point on a line.
     pub(crate) fn is_on_line(&self, closure: usize) -> bool {
-        self.closures[closure].kind.facts().between()[1] == Part::Line
+        self.closures[closure].kind.facts().between[1] == Part::Line
     }
 
     /// True where a point is on a plane or a line.

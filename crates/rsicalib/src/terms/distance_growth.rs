@@ -29,7 +29,7 @@ impl Term for DistanceGrowth {
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
         let Target::Closure(k) = target else { return false };
         let closure = &mechanism.closures[k];
-        let of_points = closure.kind.facts().between()[1] == Part::Point;
+        let of_points = closure.kind.facts().between[1] == Part::Point;
         of_points && mechanism.is_drawn(k) && !mechanism.is_link(closure)
     }
 }
