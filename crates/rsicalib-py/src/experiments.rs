@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
-use crate::threads::work;
+use crate::threads::{done, done_as_value};
 
 /// Offsets, gains, `½ fᵀf`, linearisations, termination.
 type Minimum<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, f64, usize, String);
@@ -79,8 +79,7 @@ pub fn minimize<'py>(
     options.xtol = xtol.unwrap_or(options.xtol);
     options.max_iterations = max_iterations.unwrap_or(options.max_iterations);
     let found =
-        work(py, || paper(mechanism, &counts, closures)?.minimize(&offsets, &gains, &options))?
-            .map_err(PyError::from)?;
+        done(py, || paper(mechanism, &counts, closures)?.minimize(&offsets, &gains, &options))?;
     Ok((
         PyArray1::from_vec(py, found.offsets),
         PyArray1::from_vec(py, found.gains),
@@ -147,12 +146,11 @@ pub fn observability<'py>(
     let scaling = Scaling::find(scaling).map_err(PyError::from)?;
     let mechanism = only(&mechanism.0, closures).map_err(PyError::from)?;
     let (counts, offsets, gains) = (flat(&counts), vector(&offsets), vector(&gains));
-    let found = work(py, || {
+    let found = done(py, || {
         rsicalib::design::observability::observability(
             &mechanism, &counts, &offsets, &gains, scaling,
         )
-    })?
-    .map_err(PyError::from)?;
+    })?;
     let words = |all: &[Direction]| all.iter().map(words::direction).collect();
     let view = ObservabilityView {
         singular_values: &found.singular_values,
@@ -177,11 +175,10 @@ pub fn readings_at<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (poses, offsets, gains) = (six(&poses)?, vector(&offsets), vector(&gains));
     let channels = mechanism.0.channels.len();
-    let found: Vec<Option<Vec<f64>>> = work(py, || {
+    let found: Vec<Option<Vec<f64>>> = done(py, || {
         let at = |pose| reach::readings_at(&mechanism.0, pose, &offsets, &gains, margin);
         poses.iter().map(at).collect::<Result<_, _>>()
-    })?
-    .map_err(PyError::from)?;
+    })?;
     let nothing = vec![f64::NAN; channels];
     let rows = found.iter().flat_map(|row| row.as_ref().unwrap_or(&nothing)).copied().collect();
     PyArray1::from_vec(py, rows).reshape([poses.len(), channels])
@@ -200,8 +197,7 @@ pub fn angles_at<'py>(
         reach::angles_at(&mechanism.0, pose).map_err(|error: rsicalib::Error| error.at_pose(number))
     };
     let found: Vec<Vec<f64>> =
-        work(py, || poses.iter().enumerate().map(at).collect::<Result<_, _>>())?
-            .map_err(PyError::from)?;
+        done(py, || poses.iter().enumerate().map(at).collect::<Result<_, _>>())?;
     PyArray1::from_vec(py, found.concat()).reshape([poses.len(), channels])
 }
 
@@ -216,8 +212,7 @@ pub fn within_limits<'py>(
     seed: i64,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let channels = mechanism.0.channels.len();
-    let found = work(py, || configurations(&mechanism.0, count, seed.cast_unsigned()))?
-        .map_err(PyError::from)?;
+    let found = done(py, || configurations(&mechanism.0, count, seed.cast_unsigned()))?;
     let rows = found.len() / channels.max(1);
     PyArray1::from_vec(py, found).reshape([rows, channels])
 }
@@ -237,12 +232,11 @@ pub fn bound<'py>(
     let mechanism = only(&mechanism.0, closures).map_err(PyError::from)?;
     let (offsets, gains, sigma) = (vector(&offsets), vector(&gains), vector(&sigma));
     let counts = flat(&counts);
-    let found = work(py, || {
+    done_as_value(py, || {
         let poses = Candidates::new(&mechanism, counts, &offsets, &gains, &sigma)?;
         let all: Vec<usize> = (0..poses.len()).collect();
         Ok::<_, rsicalib::Error>(poses.bound(&all))
-    })?;
-    Ok(pythonize(py, &found.map_err(PyError::from)?)?)
+    })
 }
 
 /// Means of samples of exact readings of shape (n, channels), with noise `sigma` [readings], rounded to
@@ -257,10 +251,9 @@ pub fn means_of_samples<'py>(
     seed: u64,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (shape, exact) = (exact.as_array().dim(), flat(&exact));
-    let means = work(py, || {
+    let means = done(py, || {
         rsicalib::readings::sampled::means_of_samples(&mechanism.0, &exact, sigma, samples, seed)
-    })?
-    .map_err(PyError::from)?;
+    })?;
     PyArray1::from_vec(py, means).reshape([shape.0, shape.1])
 }
 

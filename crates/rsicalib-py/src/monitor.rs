@@ -13,7 +13,7 @@ use crate::apply::PyApplied;
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
 use crate::tables::PyTable;
-use crate::threads::work;
+use crate::threads::{done, work};
 
 /// A calibrated mechanism that is watched at work.
 #[pyclass(name = "Monitor", module = "rsicalib._core")]
@@ -48,8 +48,7 @@ impl PyMonitor {
         options.false_alarms = false_alarms.unwrap_or(options.false_alarms);
         options.quiet = Quiet { dof, correlation, interval };
         let applied = applied.into();
-        let monitor = work(py, || Monitor::new(&mechanism.0, &applied, &covariance, &options))?
-            .map_err(PyError::from)?;
+        let monitor = done(py, || Monitor::new(&mechanism.0, &applied, &covariance, &options))?;
         Ok(Self { monitor: Box::new(monitor), channels: mechanism.0.channels.len() })
     }
 
@@ -86,8 +85,7 @@ impl PyMonitor {
         let values = readings.as_slice()?;
         let times = times.as_ref().map(|t| t.as_slice()).transpose()?;
         let alarms: Vec<Alarm> =
-            work(py, || self.monitor.update_all(values, times).map(<[Alarm]>::to_vec))?
-                .map_err(PyError::from)?;
+            done(py, || self.monitor.update_all(values, times).map(<[Alarm]>::to_vec))?;
         alarms.iter().map(|alarm| Ok(pythonize(py, alarm)?)).collect()
     }
 
@@ -168,10 +166,7 @@ pub fn rms_misclosure(
     counted: Vec<bool>,
 ) -> PyResult<Option<f64>> {
     let (applied, table) = (applied.into(), table.table());
-    Ok(work(py, || {
-        rsicalib::monitor::closing::rms_misclosure(&mechanism.0, &applied, table, &counted)
-    })?
-    .map_err(PyError::from)?)
+    done(py, || rsicalib::monitor::closing::rms_misclosure(&mechanism.0, &applied, table, &counted))
 }
 
 /// What a result expects of the misclosure of a table of readings, where that is more than `own`, that of
@@ -201,8 +196,7 @@ fn closed(
 ) -> PyResult<Option<Closing>> {
     let covariance: Option<Vec<f64>> = covariance.map(|c| c.as_array().iter().copied().collect());
     let (applied, readings) = (applied.into(), table.some_poses());
-    work(py, || closing(&mechanism.0, &applied, covariance.as_deref(), readings, scale))?
-        .map_err(|error| PyError::from(error).into())
+    done(py, || closing(&mechanism.0, &applied, covariance.as_deref(), readings, scale))
 }
 
 fn shape(found: usize, expected: usize) -> Error {

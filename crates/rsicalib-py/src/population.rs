@@ -15,7 +15,7 @@ use crate::error::PyError;
 use crate::mechanism::PyMechanism;
 use crate::options::{PyExpected, fit_options};
 use crate::tables::PyTable;
-use crate::threads::work;
+use crate::threads::{done, work};
 
 /// Value and standard deviation of each parameter.
 type Values = Vec<(f64, f64)>;
@@ -140,8 +140,7 @@ pub fn population<'py>(
         })
         .into());
     }
-    let found = work(py, || rsicalib::population::found(&shares, &tolerances, &levels))?
-        .map_err(PyError::from)?;
+    let found = done(py, || rsicalib::population::found(&shares, &tolerances, &levels))?;
     Ok((pythonize(py, &found)?, found.with_others, found.device_of, found.level))
 }
 
@@ -182,8 +181,7 @@ pub fn common_shifts<'py>(
         .collect();
     let levels = levels.unwrap_or_default();
     let found: Vec<Option<Shift>> =
-        work(py, || rsicalib::population::common_shifts(&estimates, &levels))?
-            .map_err(PyError::from)?;
+        done(py, || rsicalib::population::common_shifts(&estimates, &levels))?;
     found.iter().map(|one| Ok(one.as_ref().map(|one| pythonize(py, one)).transpose()?)).collect()
 }
 
