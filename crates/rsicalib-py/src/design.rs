@@ -209,5 +209,5 @@ pub fn further<'py>(
 }
 
 fn negative(name: &'static str, value: i64) -> Error {
-    Error::Option { name, found: value.to_string(), expected: "at least 1".into() }
+    Error::option(name, value, "at least 1")
 }

@@ -6,6 +6,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
+use rsicalib::Error;
 use rsicalib::design::information::Candidates;
 use rsicalib::design::observability::{Measures, Scaling};
 use rsicalib::design::reach;
@@ -25,10 +26,7 @@ use crate::threads::{done, done_as_value};
 type Minimum<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, f64, usize, String);
 
 /// The mechanism with only the closures named.
-fn only(
-    mechanism: &Mechanism,
-    closures: Option<Vec<String>>,
-) -> Result<Cow<'_, Mechanism>, rsicalib::Error> {
+fn only(mechanism: &Mechanism, closures: Option<Vec<String>>) -> Result<Cow<'_, Mechanism>, Error> {
     Ok(match closures {
         Some(names) => Cow::Owned(mechanism.with_closures(&names)?),
         None => Cow::Borrowed(mechanism),
@@ -40,7 +38,7 @@ fn paper(
     mechanism: &PyMechanism,
     counts: &[f64],
     closures: Option<Vec<String>>,
-) -> Result<Paper, rsicalib::Error> {
+) -> Result<Paper, Error> {
     match closures {
         None => Paper::of(mechanism.layout()?, counts),
         some => Paper::new(only(&mechanism.0, some)?.as_ref(), counts),
@@ -194,7 +192,7 @@ pub fn angles_at<'py>(
     let poses = six(&poses)?;
     let channels = mechanism.0.channels.len();
     let at = |(number, pose)| {
-        reach::angles_at(&mechanism.0, pose).map_err(|error: rsicalib::Error| error.at_pose(number))
+        reach::angles_at(&mechanism.0, pose).map_err(|error: Error| error.at_pose(number))
     };
     let found: Vec<Vec<f64>> =
         done(py, || poses.iter().enumerate().map(at).collect::<Result<_, _>>())?;
@@ -235,7 +233,7 @@ pub fn bound<'py>(
     done_as_value(py, || {
         let poses = Candidates::new(&mechanism, counts, &offsets, &gains, &sigma)?;
         let all: Vec<usize> = (0..poses.len()).collect();
-        Ok::<_, rsicalib::Error>(poses.bound(&all))
+        Ok::<_, Error>(poses.bound(&all))
     })
 }
 
@@ -278,10 +276,7 @@ pub fn rsi_poses<'py>(
     angles: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let view = angles.as_array();
-    if view.ncols() != 9 {
-        let (what, found) = ("angles".into(), view.ncols());
-        return Err(PyError::from(rsicalib::Error::Shape { what, found, expected: 9 }).into());
-    }
+    Error::same("angles", view.ncols(), 9).map_err(PyError::from)?;
     let pose = |row: numpy::ndarray::ArrayView1<'_, f64>| {
         rsicalib::mechanism::hand_controller::forward(&std::array::from_fn(|i| {
             std::array::from_fn(|j| row[3 * i + j])
@@ -293,9 +288,6 @@ pub fn rsi_poses<'py>(
 
 pub(crate) fn six(poses: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 6]>> {
     let view = poses.as_array();
-    if view.ncols() != 6 {
-        let (what, found) = ("a pose".into(), view.ncols());
-        return Err(PyError::from(rsicalib::Error::Shape { what, found, expected: 6 }).into());
-    }
+    Error::same("a pose", view.ncols(), 6).map_err(PyError::from)?;
     Ok(view.rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect())
 }

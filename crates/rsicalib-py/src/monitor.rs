@@ -60,12 +60,8 @@ impl PyMonitor {
         readings: PyReadonlyArray1<'_, f64>,
         time: Option<f64>,
     ) -> PyResult<Vec<Bound<'py, PyAny>>> {
-        let found = readings.as_slice()?.len();
-        let expected = self.channels;
-        if found != expected {
-            return Err(PyError::from(shape(found, expected)).into());
-        }
         let row = readings.as_slice()?;
+        Error::same("a row", row.len(), self.channels).map_err(PyError::from)?;
         let alarms = work(py, || self.monitor.update(row, time).to_vec())?;
         alarms.iter().map(|alarm| Ok(pythonize(py, alarm)?)).collect()
     }
@@ -78,10 +74,8 @@ impl PyMonitor {
         readings: PyReadonlyArray2<'_, f64>,
         times: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<Vec<Bound<'py, PyAny>>> {
-        let (found, expected) = (readings.as_array().ncols(), self.channels);
-        if found != expected {
-            return Err(PyError::from(shape(found, expected)).into());
-        }
+        let found = readings.as_array().ncols();
+        Error::same("a row", found, self.channels).map_err(PyError::from)?;
         let values = readings.as_slice()?;
         let times = times.as_ref().map(|t| t.as_slice()).transpose()?;
         let alarms: Vec<Alarm> =
@@ -197,8 +191,4 @@ fn closed(
     let covariance: Option<Vec<f64>> = covariance.map(|c| c.as_array().iter().copied().collect());
     let (applied, readings) = (applied.into(), table.some_poses());
     done(py, || closing(&mechanism.0, &applied, covariance.as_deref(), readings, scale))
-}
-
-fn shape(found: usize, expected: usize) -> Error {
-    Error::Shape { what: "a row".into(), found, expected }
 }

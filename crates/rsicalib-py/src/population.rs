@@ -133,12 +133,8 @@ pub fn population<'py>(
     let alike = |s: &Share| s.told.len() == n && s.information.len() == n * n;
     if !shares.iter().all(alike) {
         let found = "devices with other parameters than the first";
-        return Err(PyError::from(rsicalib::Error::Option {
-            name: "population",
-            found: found.into(),
-            expected: "the same terms of every device".into(),
-        })
-        .into());
+        let expected = "the same terms of every device";
+        return Err(PyError::from(rsicalib::Error::option("population", found, expected)).into());
     }
     let found = done(py, || rsicalib::population::found(&shares, &tolerances, &levels))?;
     Ok((pythonize(py, &found)?, found.with_others, found.device_of, found.level))

@@ -9,6 +9,7 @@ use crate::apply::check::{Check, compare, unturned};
 use crate::apply::known::Known;
 use crate::apply::poses::poses_of;
 use crate::closures::kind::Part as EndOf;
+use crate::error::index_of;
 use crate::estimate::Noise;
 use crate::estimate::Observations;
 use crate::estimate::Part;
@@ -208,11 +209,8 @@ pub fn platform_poses(
     table: Table,
 ) -> Result<Vec<[f64; 6]>, Error> {
     if mechanism.platform.is_empty() {
-        return Err(Error::Missing {
-            mechanism: mechanism.name.clone(),
-            needs: "platform",
-            why: "poses need the points that carry it",
-        });
+        let why = "poses need the points that carry it";
+        return Err(Error::missing(&mechanism.name, "platform", why));
     }
     let under = Under::new(mechanism, applied, table, &[])?;
     Ok(under.poses(&under.values))
@@ -245,11 +243,8 @@ pub(crate) fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
     let mut points: Vec<Point> =
         mechanism.points.iter().filter(|p| p.chain.is_some()).cloned().collect();
     let Some(carried) = points.iter().find(|p| p.chain.is_some()).map(|p| p.name.clone()) else {
-        return Err(Error::Missing {
-            mechanism: mechanism.name.clone(),
-            needs: "point on a chain",
-            why: "there is nothing whose place could be told",
-        });
+        let why = "there is nothing whose place could be told";
+        return Err(Error::missing(&mechanism.name, "point on a chain", why));
     };
     let mut anchor = String::from("base");
     while points.iter().any(|p| p.name == anchor) {
@@ -334,9 +329,7 @@ impl Under {
             ("span", reference.span.len()),
             ("sigma", sigma.len()),
         ] {
-            if found != channels {
-                return Err(Error::Shape { what: what.into(), found, expected: channels });
-            }
+            Error::same(what, found, channels)?;
         }
         let mut readings = Readings::new(mechanism, table)?;
         if let Some(mean) = reference.temperature {
@@ -533,10 +526,5 @@ fn acting_as(
 
 /// Which of a term's parameters bears a name.
 pub(crate) fn parameter_index(term: &dyn Term, name: &str) -> Result<usize, Error> {
-    let known = term.info().parameters;
-    known.iter().position(|k| k.name == name).ok_or_else(|| Error::Unknown {
-        kind: "parameter",
-        found: name.into(),
-        known: known.iter().map(|k| k.name).collect::<Vec<_>>().join(", "),
-    })
+    index_of(term.info().parameters, |parameter| parameter.name, "parameter", name)
 }

@@ -81,10 +81,7 @@ pub fn spread(
 }
 
 fn expect_rows<'a>(name: &str, cells: &'a [String], rows: usize) -> Result<&'a [String], Error> {
-    match cells.len() {
-        found if found == rows => Ok(cells),
-        found => Err(Error::Shape { what: format!("column {name}"), found, expected: rows }),
-    }
+    Error::same(&format!("column {name}"), cells.len(), rows).map(|()| cells)
 }
 
 /// Distance of each place from the mean of those that belong together.

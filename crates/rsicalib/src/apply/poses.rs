@@ -27,11 +27,8 @@ pub fn platform_poses(
 ) -> Result<Vec<[f64; 6]>, Error> {
     let mechanism = &observations.mechanism;
     if mechanism.platform.is_empty() {
-        return Err(Error::Missing {
-            mechanism: mechanism.name.clone(),
-            needs: "platform",
-            why: "poses need the points that carry it",
-        });
+        let why = "poses need the points that carry it";
+        return Err(Error::missing(&mechanism.name, "platform", why));
     }
     let readings = Readings::beside(mechanism, table, &observations.readings)?;
     let model = Model::like(&fit.model, mechanism, &readings)?;

@@ -180,7 +180,7 @@ fn refuse_large(name: &'static str, count: usize) -> Result<(), Error> {
     }
     let found = format!("{count} rows or parameters");
     let expected = format!("at most {MOST_COUNTED}: the time grows with their cube");
-    Err(Error::Option { name, found, expected })
+    Err(Error::option(name, found, expected))
 }
 
 /// The instances of the model that is counted.

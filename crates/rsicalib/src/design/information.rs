@@ -65,9 +65,7 @@ impl Candidates {
     ) -> Result<Self, Error> {
         let paper = Paper::new(mechanism, &counts)?;
         let c = mechanism.channels.len();
-        if sigma.len() != c {
-            return Err(Error::Shape { what: "sigma".into(), found: sigma.len(), expected: c });
-        }
+        Error::same("sigma", sigma.len(), c)?;
         let (k, n) = (mechanism.equations(), 2 * c);
         let jacobian = paper.jacobian(offsets, gains)?;
         let mut scale = vec![1.0; c];

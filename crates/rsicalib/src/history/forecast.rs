@@ -58,10 +58,7 @@ pub fn forecast(
     target: f64,
 ) -> Result<Option<Forecast>, Error> {
     let n = last.parameters.len();
-    if covariance.len() != n * n {
-        let (what, found) = ("covariance".into(), covariance.len());
-        return Err(Error::Shape { what, found, expected: n * n });
-    }
+    Error::same("covariance", covariance.len(), n * n)?;
     if n == 0 {
         return Ok(None);
     }

@@ -585,13 +585,9 @@ pub(crate) const SHARES: &str = "torque of drives that may work against each oth
 
 /// Refuses readings of another mechanism, and a `centre` without one reading per channel.
 fn fits(mechanism: &Mechanism, readings: &Readings, centre: &[f64]) -> Result<(), Error> {
-    let same = |what: &str, found: usize, expected: usize| {
-        let what = what.into();
-        if found == expected { Ok(()) } else { Err(Error::Shape { what, found, expected }) }
-    };
     let channels = mechanism.channels.len();
-    same("a row", readings.channels, channels)?;
-    same("centre", centre.len(), channels)?;
-    same("keys", readings.table.keys.len(), mechanism.key_columns().len())?;
-    same("columns", readings.table.columns.len(), mechanism.value_columns().len())
+    Error::same("a row", readings.channels, channels)?;
+    Error::same("centre", centre.len(), channels)?;
+    Error::same("keys", readings.table.keys.len(), mechanism.key_columns().len())?;
+    Error::same("columns", readings.table.columns.len(), mechanism.value_columns().len())
 }

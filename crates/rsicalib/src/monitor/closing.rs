@@ -155,10 +155,7 @@ pub fn rms_misclosure(
 ) -> Result<Option<f64>, Error> {
     let under = Under::new(mechanism, applied, table, &[])?;
     let (model, readings) = (&under.model, &under.readings);
-    if counted.len() != readings.samples {
-        let (what, found) = ("counted rows".into(), counted.len());
-        return Err(Error::Shape { what, found, expected: readings.samples });
-    }
+    Error::same("counted rows", counted.len(), readings.samples)?;
     let unknown = model.parameters > model.term_parameters || model.pose_unknowns() > 0;
     if unknown || !model.is_of_lengths() || !counted.contains(&true) {
         return Ok(None);

@@ -125,7 +125,7 @@ impl Watched {
         }
         if order.is_empty() {
             let (needs, why) = ("parameter that may change", "the watch tests what has changed");
-            return Err(Error::Missing { mechanism: mechanism.name.clone(), needs, why });
+            return Err(Error::missing(&mechanism.name, needs, why));
         }
         let at = under.internal(&under.values);
         let (factors, drifts, places) = (Vec::new(), Vec::new(), Vec::new());
@@ -289,7 +289,7 @@ fn refuse(mechanism: &Mechanism) -> Result<(), Error> {
     } else {
         return Ok(());
     };
-    Err(Error::Missing { mechanism: mechanism.name.clone(), needs, why })
+    Err(Error::missing(&mechanism.name, needs, why))
 }
 
 /// Refuses terms that the channels of one row do not tell.
@@ -307,11 +307,9 @@ fn refuse_context(mechanism: &Mechanism, applied: &Applied) -> Result<(), Error>
             false => "calibrate or trace without it",
         };
         let target = spec.target.as_ref().map_or(String::new(), |target| format!(" of {target}"));
-        return Err(Error::Option {
-            name: "calibration",
-            found: format!("{}{target} (needs {})", spec.term, needs.words()),
-            expected: format!("terms that the channels of one row tell: {next}"),
-        });
+        let found = format!("{}{target} (needs {})", spec.term, needs.words());
+        let expected = format!("terms that the channels of one row tell: {next}");
+        return Err(Error::option("calibration", found, expected));
     }
     Ok(())
 }
@@ -373,10 +371,7 @@ pub(crate) fn internal_covariance(
 ) -> Result<DMatrix<f64>, Error> {
     let (n, p) = (under.values.len(), under.model.parameters);
     let Some(covariance) = covariance else { return Ok(DMatrix::zeros(p, p)) };
-    if covariance.len() != n * n {
-        let (what, found) = ("covariance".into(), covariance.len());
-        return Err(Error::Shape { what, found, expected: n * n });
-    }
+    Error::same("covariance", covariance.len(), n * n)?;
     let known = |i: usize| (0..n).all(|j| covariance[i * n + j].is_finite());
     let finite =
         |i: usize, j: usize| if known(i) && known(j) { covariance[i * n + j] } else { 0.0 };

@@ -137,9 +137,7 @@ impl Readings {
         mechanism: &Mechanism,
         weights: &[f64],
     ) -> Result<(Self, Vec<f64>), Error> {
-        if weights.len() != self.samples {
-            return Err(shape("weights", weights.len(), self.samples));
-        }
+        Error::same("weights", weights.len(), self.samples)?;
         let rows_of_poses = self.rows_of_poses();
         let mut live = Vec::with_capacity(rows_of_poses.len());
         let mut used = Vec::with_capacity(rows_of_poses.len());
@@ -343,11 +341,9 @@ impl Readings {
         let mut taken = Self::build(&bare, table, None, None, true)?;
         taken.still = standstills(&mechanism.channels);
         match rows.iter().find(|row| **row >= taken.samples) {
-            Some(row) => Err(shape("rows of the whole session", *row, taken.samples)),
-            None if rows.len() != samples => {
-                Err(shape("rows of a part of a session", rows.len(), samples))
-            }
-            None => Ok((taken.into(), rows.clone())),
+            Some(row) => Err(Error::shape("rows of the whole session", *row, taken.samples)),
+            None => Error::same("rows of a part of a session", rows.len(), samples)
+                .map(|()| (taken.into(), rows.clone())),
         }
     }
 
@@ -733,15 +729,11 @@ fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
         });
     }
     let samples = table.values.len() / channels;
-    if !table.values.len().is_multiple_of(channels) {
-        return Err(shape("values", table.values.len(), (samples + 1) * channels));
-    }
+    Error::same("values", table.values.len(), table.values.len().next_multiple_of(channels))?;
     if samples == 0 {
         return Err(Error::Empty("the table has no rows".into()));
     }
-    let same = |what: &str, found: usize| {
-        if found == samples { Ok(()) } else { Err(shape(what, found, samples)) }
-    };
+    let same = |what: &str, found: usize| Error::same(what, found, samples);
     same("pose", table.pose.as_ref().map_or(samples, Vec::len))?;
     same("time", table.time.as_ref().map_or(samples, Vec::len))?;
     same("temperature", table.temperature.as_ref().map_or(samples, Vec::len))?;
@@ -749,20 +741,15 @@ fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
     let last = table.session.iter().flatten().copied().max().unwrap_or(0);
     if last >= MOST_SESSIONS {
         let what = format!("the list of sessions, which ends with number {last},");
-        return Err(shape(&what, last.saturating_add(1), MOST_SESSIONS));
+        return Err(Error::shape(what, last.saturating_add(1), MOST_SESSIONS));
     }
     let keys = mechanism.key_columns();
-    if table.keys.len() != keys.len() {
-        return Err(shape(&format!("keys ({})", keys.join(", ")), table.keys.len(), keys.len()));
-    }
+    Error::same(&format!("keys ({})", keys.join(", ")), table.keys.len(), keys.len())?;
     for (name, column) in keys.iter().zip(&table.keys) {
         same(name, column.len())?;
     }
     let values = mechanism.value_columns();
-    if table.columns.len() != values.len() {
-        let what = format!("columns ({})", values.join(", "));
-        return Err(shape(&what, table.columns.len(), values.len()));
-    }
+    Error::same(&format!("columns ({})", values.join(", ")), table.columns.len(), values.len())?;
     for (name, column) in values.iter().zip(&table.columns) {
         same(name, column.len())?;
     }
@@ -803,10 +790,6 @@ fn usable(name: &str, column: &[f64], but: fn(f64) -> bool) -> Result<(), Error>
             high: LARGEST,
         }),
     }
-}
-
-fn shape(what: &str, found: usize, expected: usize) -> Error {
-    Error::Shape { what: what.into(), found, expected }
 }
 
 /// Numbers the poses of each session in order of appearance.
