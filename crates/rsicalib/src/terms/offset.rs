@@ -1,7 +1,7 @@
 //! [`Offset`].
 
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Role, Sensor, Site, Term};
+use crate::terms::term::{Acts, Role, Sensor, Site, Term};
 
 term! {
     /// Joint angle at the middle reading.
@@ -11,18 +11,10 @@ term! {
     /// `θ_off`, the angle at reading zero, eq. (9).
     Offset("offset", Sensor, per Channel, needs Nothing) {
         offset: "rad" ~ 0.05,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
 impl Term for Offset {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-
     fn role(&self) -> Role {
         Role::Offset
     }

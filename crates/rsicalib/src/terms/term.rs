@@ -366,14 +366,17 @@ pub enum Role {
     Other,
 }
 
-/// One physical term of the model.
-pub trait Term: Sync {
+/// What every term declares: [`term!`] implements it.
+pub trait Declared {
     /// Identity, parameters, units and description.
     fn info(&self) -> &'static Info;
 
     /// Stage at which the term acts.
     fn acts(&self) -> Acts;
+}
 
+/// One physical term of the model.
+pub trait Term: Declared + Sync {
     /// Kind of place of an instance.
     fn placed(&self) -> Placed {
         Placed::Once
@@ -561,7 +564,7 @@ macro_rules! term {
         $(#[doc = $doc:expr])*
         $name:ident($id:literal, $class:ident, per $per:ident, needs $needs:ident $(, $flag:ident)?) {
             $($parameter:ident: $unit:literal ~ $typical:expr),* $(,)?
-        }
+        } acts $acts:expr
     ) => {
         $(#[doc = $doc])*
         #[derive(Debug, Clone, Copy)]
@@ -584,6 +587,16 @@ macro_rules! term {
                 broad: false $(|| term!(@broad $flag))?,
                 law: false,
             };
+        }
+
+        impl $crate::terms::term::Declared for $name {
+            fn info(&self) -> &'static $crate::terms::term::Info {
+                &Self::INFO
+            }
+
+            fn acts(&self) -> $crate::terms::term::Acts {
+                $acts
+            }
         }
     };
     (@penalised penalised) => { true };
