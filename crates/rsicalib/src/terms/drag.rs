@@ -39,10 +39,6 @@ impl Sensor for Drag {
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
         out[0] = direction(site);
     }
-
-    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
-        Lanes::ZERO
-    }
 }
 
 /// In which direction the leader moves: -1, 0 or 1.

@@ -24,10 +24,6 @@ impl Sensor for Hysteresis {
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
         out[0] = side(site);
     }
-
-    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
-        Lanes::ZERO
-    }
 }
 
 /// From which side the channel came to where it is; where it is late, to where it is later.

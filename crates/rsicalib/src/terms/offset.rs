@@ -28,8 +28,4 @@ impl Sensor for Offset {
     fn partials(&self, _p: &[f64], _site: &Site, out: &mut [Lanes]) {
         out[0] = Lanes::ONE;
     }
-
-    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
-        Lanes::ZERO
-    }
 }

@@ -31,10 +31,6 @@ impl Sensor for Slip {
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
         out[0] = after(site);
     }
-
-    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
-        Lanes::ZERO
-    }
 }
 
 /// One from the pose of the slip on, zero before that pose.

@@ -23,8 +23,4 @@ impl Sensor for TemperatureOffset {
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
         out[0] = site.temperature;
     }
-
-    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
-        Lanes::ZERO
-    }
 }

@@ -272,8 +272,10 @@ pub trait Sensor: Sync {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes;
     /// Derivatives of the correction by `p`.
     fn partials(&self, p: &[f64], site: &Site, out: &mut [Lanes]);
-    /// Derivative of the correction by the reading.
-    fn slope(&self, p: &[f64], site: &Site) -> Lanes;
+    /// Derivative of the correction by the reading; zero for one that the reading does not change.
+    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
+        Lanes::ZERO
+    }
 }
 
 /// A term that acts on a plane or a line that points touch: its shape.

@@ -30,8 +30,4 @@ impl Sensor for Wander {
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
         waves::each(site.time, out);
     }
-
-    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
-        Lanes::ZERO
-    }
 }
