@@ -90,9 +90,6 @@ class EvidenceSource:
 class Fit:
     """A fitted model."""
 
-    def carried_points(self, table: Mapping[str, Any]) -> Any:
-        """Where the chains carry their points: shape (points, n, 3)."""
-
     def changes(
         self, applied: Mapping[str, Any], covariance: Array | None = None, rms: Any = None
     ) -> Any:
@@ -109,9 +106,6 @@ class Fit:
 
     def forward(self, table: Mapping[str, Any]) -> Array:
         """Platform pose of every row of a table: shape (n, 6)."""
-
-    def forward_with_sd(self, table: Mapping[str, Any]) -> Any:
-        """Platform pose of every row and its standard deviations: shapes (n, 6)."""
 
     def residuals(self) -> Array:
         """Whitened residuals: shape (samples, equations), standard normal if the model is right."""
@@ -654,9 +648,6 @@ def rms_misclosure(
 
 def rsi_angles(poses: Array) -> Array:
     """Joint angles of the hand controller for poses of shape (n, 6): (n, 9), NaN out of reach [rad]."""
-
-def rsi_forward(angles: Sequence[Sequence[float]]) -> list[float]:
-    """Handle pose of the hand controller for joint angles, eqs. (2)-(5)."""
 
 def rsi_poses(angles: Array) -> Array:
     """Handle poses of the hand controller for angles of shape (n, 9), eqs. (2)-(5): (n, 6)."""

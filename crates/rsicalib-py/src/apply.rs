@@ -16,7 +16,7 @@ use rsicalib::monitor::closing::OpenLoops;
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
 use crate::tables::{PyKnown, PyTable, known_of, poses_of};
-use crate::threads::work;
+use crate::threads::{done, done_as_value};
 
 /// Term, target and place.
 pub type PySpec = (String, Option<String>, Option<String>);
@@ -30,22 +30,15 @@ pub fn spec_of((term, target, place): PySpec) -> Spec {
 /// Each of `parameters` is ((term, target, place), name, value); `centre`, `span` and
 /// `temperature` are those of the readings that they were found with.
 #[derive(FromPyObject, IntoPyObject)]
+#[pyo3(from_item_all)]
 pub struct PyApplied {
-    #[pyo3(item)]
     parameters: Vec<(PySpec, String, f64)>,
-    #[pyo3(item)]
     centre: Vec<f64>,
-    #[pyo3(item)]
     span: Vec<[f64; 2]>,
-    #[pyo3(item)]
     temperature: Option<f64>,
-    #[pyo3(item)]
     sigma: Vec<f64>,
-    #[pyo3(item)]
     declared: bool,
-    #[pyo3(item)]
     closures: Vec<(String, f64)>,
-    #[pyo3(item)]
     own: bool,
 }
 
@@ -103,10 +96,9 @@ pub fn places<'py>(
 ) -> PyResult<PyPlaces<'py>> {
     let (applied, table) = (applied.into(), table.table());
     let covariance: Option<Vec<f64>> = covariance.map(|c| c.as_array().iter().copied().collect());
-    let found = work(py, || {
+    let found = done(py, || {
         rsicalib::apply::places::places(&mechanism.0, &applied, covariance.as_deref(), table)
-    })?
-    .map_err(PyError::from)?;
+    })?;
     let columns = found.names.len();
     let matrix = |values: Vec<f64>| {
         let rows = values.len() / columns.max(1);
@@ -160,7 +152,7 @@ pub fn exported<'py>(
 ) -> PyResult<(PyMechanism, Bound<'py, PyAny>, Vec<Bound<'py, PyDict>>)> {
     let applied = applied.into();
     let Exported { mechanism, tips, notes } =
-        work(py, || export::exported(&mechanism.0, &applied))?.map_err(PyError::from)?;
+        done(py, || export::exported(&mechanism.0, &applied))?;
     let tips: std::collections::BTreeMap<_, _> = tips.into_iter().collect();
     let notes = notes.iter().map(|note| noted(py, note)).collect::<PyResult<_>>()?;
     Ok((mechanism.into(), pythonize(py, &tips)?, notes))
@@ -183,8 +175,7 @@ pub fn calibrated_sensors(
     applied: PyApplied,
 ) -> PyResult<PyMechanism> {
     let applied = applied.into();
-    let found = work(py, || export::with_sensors(&mechanism.0, &applied))?;
-    Ok(found.map_err(PyError::from)?.into())
+    Ok(done(py, || export::with_sensors(&mechanism.0, &applied))?.into())
 }
 
 /// The terms of a result that a later session is identified with: `curvature@a22`, each once.
@@ -256,9 +247,7 @@ pub fn check<'py>(
     align: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (applied, known) = (applied.into(), known_of(known_poses, align));
-    let found = work(py, || earlier::check(&mechanism.0, &applied, &known, align))?
-        .map_err(PyError::from)?;
-    Ok(pythonize(py, &found)?)
+    done_as_value(py, || earlier::check(&mechanism.0, &applied, &known, align))
 }
 
 /// The verdict on lines through so many known poses, and its reasons, by the error of the calibration
@@ -291,7 +280,5 @@ pub fn fixture<'py>(
     poses: PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (table, poses) = (table.table(), poses_of(&poses));
-    let found = work(py, || rsicalib::apply::fixture::fixture(&mechanism.0, &table, &poses))?
-        .map_err(PyError::from)?;
-    Ok(pythonize(py, &found)?)
+    done_as_value(py, || rsicalib::apply::fixture::fixture(&mechanism.0, &table, &poses))
 }

@@ -10,7 +10,6 @@ use rsicalib::design::further as planning_further;
 use rsicalib::design::further::{Explained, FurtherOptions};
 use rsicalib::design::guided::{self, Progress};
 use rsicalib::design::identifiability::{self, Counting, Identifiable};
-use rsicalib::design::information;
 use rsicalib::design::plan as planning;
 use rsicalib::design::plan::{PlanOptions, Within};
 use rsicalib::design::until::until;
@@ -19,7 +18,7 @@ use crate::error::PyError;
 use crate::experiments::{flat, six, vector};
 use crate::mechanism::PyMechanism;
 use crate::observations::PyObservations;
-use crate::threads::work;
+use crate::threads::{done, done_as_value};
 
 /// Counts what readings of a mechanism can and cannot tell.
 ///
@@ -32,10 +31,9 @@ pub fn identifiable<'py>(
     terms: Option<Vec<String>>,
     seed: i64,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let found: Identifiable = work(py, || {
+    let found: Identifiable = done(py, || {
         identifiability::identifiable(&mechanism.0, Counting::of(terms), seed.cast_unsigned())
-    })?
-    .map_err(PyError::from)?;
+    })?;
     let out = PyDict::new(py);
     let terms = found.terms.iter().map(|c| (c.term, c.parameters, c.alone, c.beside));
     out.set_item("model", found.model.name())?;
@@ -81,8 +79,7 @@ pub fn plan<'py>(
         noise,
     };
     let (offsets, gains) = (vector(&offsets), vector(&gains));
-    let found = work(py, || planning::plan(&mechanism.0, &offsets, &gains, &options))?
-        .map_err(PyError::from)?;
+    let found = done(py, || planning::plan(&mechanism.0, &offsets, &gains, &options))?;
     let (n, channels) = (found.poses.len(), mechanism.0.channels.len());
     let poses = PyArray1::from_iter(py, found.poses.into_iter().flatten());
     let readings = PyArray1::from_iter(py, found.readings.into_iter().flatten());
@@ -105,10 +102,7 @@ pub fn bound_at<'py>(
     noise: f64,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (offsets, gains, poses) = (vector(&offsets), vector(&gains), six(&poses)?);
-    let found: information::Bound =
-        work(py, || planning::bound(&mechanism.0, &offsets, &gains, &poses, noise))?
-            .map_err(PyError::from)?;
-    Ok(pythonize(py, &found)?)
+    done_as_value(py, || planning::bound(&mechanism.0, &offsets, &gains, &poses, noise))
 }
 
 /// The box of a workspace, given or the mechanism's own: six pairs, lowest and highest.
@@ -188,11 +182,10 @@ pub fn further<'py>(
             *weight = 0.0;
         }
     }
-    let (found, standing) = work(py, || match target {
+    let (found, standing) = done(py, || match target {
         Some(target) => until(&observations, &rivals, &options, target).map(|(f, s)| (f, Some(s))),
         None => planning_further::further(&observations, &rivals, &options).map(|f| (f, None)),
-    })?
-    .map_err(PyError::from)?;
+    })?;
     let (n, channels) = (found.waits.len(), observations.mechanism.channels.len());
     let out = PyDict::new(py);
     let with_pose = found.poses.len();
@@ -216,5 +209,5 @@ pub fn further<'py>(
 }
 
 fn negative(name: &'static str, value: i64) -> Error {
-    Error::Option { name, found: value.to_string(), expected: "at least 1".into() }
+    Error::option(name, value, "at least 1")
 }

@@ -8,10 +8,9 @@ use rsicalib::report::certificate::{self, Limit};
 use rsicalib::report::read::{self, Document, Refused};
 use rsicalib::report::schema;
 
-use crate::error::PyError;
 use crate::mechanism::PyMechanism;
 use crate::tables::PyTable;
-use crate::threads::work;
+use crate::threads::done_as_value;
 
 mod python {
     pyo3::import_exception!(rsicalib.errors, ResultError);
@@ -45,9 +44,7 @@ pub fn certify<'py>(
     let result = read::written(result).map_err(refused)?;
     let quantity = if orientation { Quantity::Orientation } else { Quantity::Position };
     let (table, asked) = (table.table(), Limit { quantity, limit, confidence });
-    let found = work(py, || certificate::certify(&mechanism.0, &result, table, asked))?
-        .map_err(PyError::from)?;
-    Ok(pythonize(py, &found)?)
+    done_as_value(py, || certificate::certify(&mechanism.0, &result, table, asked))
 }
 
 /// JSON Schema of each format of results, as text: what can be read.

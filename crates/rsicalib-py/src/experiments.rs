@@ -6,6 +6,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
+use rsicalib::Error;
 use rsicalib::design::information::Candidates;
 use rsicalib::design::observability::{Measures, Scaling};
 use rsicalib::design::reach;
@@ -19,16 +20,13 @@ use serde::Serialize;
 
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
-use crate::threads::work;
+use crate::threads::{done, done_as_value};
 
 /// Offsets, gains, `½ fᵀf`, linearisations, termination.
 type Minimum<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, f64, usize, String);
 
 /// The mechanism with only the closures named.
-fn only(
-    mechanism: &Mechanism,
-    closures: Option<Vec<String>>,
-) -> Result<Cow<'_, Mechanism>, rsicalib::Error> {
+fn only(mechanism: &Mechanism, closures: Option<Vec<String>>) -> Result<Cow<'_, Mechanism>, Error> {
     Ok(match closures {
         Some(names) => Cow::Owned(mechanism.with_closures(&names)?),
         None => Cow::Borrowed(mechanism),
@@ -40,7 +38,7 @@ fn paper(
     mechanism: &PyMechanism,
     counts: &[f64],
     closures: Option<Vec<String>>,
-) -> Result<Paper, rsicalib::Error> {
+) -> Result<Paper, Error> {
     match closures {
         None => Paper::of(mechanism.layout()?, counts),
         some => Paper::new(only(&mechanism.0, some)?.as_ref(), counts),
@@ -79,8 +77,7 @@ pub fn minimize<'py>(
     options.xtol = xtol.unwrap_or(options.xtol);
     options.max_iterations = max_iterations.unwrap_or(options.max_iterations);
     let found =
-        work(py, || paper(mechanism, &counts, closures)?.minimize(&offsets, &gains, &options))?
-            .map_err(PyError::from)?;
+        done(py, || paper(mechanism, &counts, closures)?.minimize(&offsets, &gains, &options))?;
     Ok((
         PyArray1::from_vec(py, found.offsets),
         PyArray1::from_vec(py, found.gains),
@@ -147,12 +144,11 @@ pub fn observability<'py>(
     let scaling = Scaling::find(scaling).map_err(PyError::from)?;
     let mechanism = only(&mechanism.0, closures).map_err(PyError::from)?;
     let (counts, offsets, gains) = (flat(&counts), vector(&offsets), vector(&gains));
-    let found = work(py, || {
+    let found = done(py, || {
         rsicalib::design::observability::observability(
             &mechanism, &counts, &offsets, &gains, scaling,
         )
-    })?
-    .map_err(PyError::from)?;
+    })?;
     let words = |all: &[Direction]| all.iter().map(words::direction).collect();
     let view = ObservabilityView {
         singular_values: &found.singular_values,
@@ -177,11 +173,10 @@ pub fn readings_at<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (poses, offsets, gains) = (six(&poses)?, vector(&offsets), vector(&gains));
     let channels = mechanism.0.channels.len();
-    let found: Vec<Option<Vec<f64>>> = work(py, || {
+    let found: Vec<Option<Vec<f64>>> = done(py, || {
         let at = |pose| reach::readings_at(&mechanism.0, pose, &offsets, &gains, margin);
         poses.iter().map(at).collect::<Result<_, _>>()
-    })?
-    .map_err(PyError::from)?;
+    })?;
     let nothing = vec![f64::NAN; channels];
     let rows = found.iter().flat_map(|row| row.as_ref().unwrap_or(&nothing)).copied().collect();
     PyArray1::from_vec(py, rows).reshape([poses.len(), channels])
@@ -197,11 +192,10 @@ pub fn angles_at<'py>(
     let poses = six(&poses)?;
     let channels = mechanism.0.channels.len();
     let at = |(number, pose)| {
-        reach::angles_at(&mechanism.0, pose).map_err(|error: rsicalib::Error| error.at_pose(number))
+        reach::angles_at(&mechanism.0, pose).map_err(|error: Error| error.at_pose(number))
     };
     let found: Vec<Vec<f64>> =
-        work(py, || poses.iter().enumerate().map(at).collect::<Result<_, _>>())?
-            .map_err(PyError::from)?;
+        done(py, || poses.iter().enumerate().map(at).collect::<Result<_, _>>())?;
     PyArray1::from_vec(py, found.concat()).reshape([poses.len(), channels])
 }
 
@@ -216,8 +210,7 @@ pub fn within_limits<'py>(
     seed: i64,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let channels = mechanism.0.channels.len();
-    let found = work(py, || configurations(&mechanism.0, count, seed.cast_unsigned()))?
-        .map_err(PyError::from)?;
+    let found = done(py, || configurations(&mechanism.0, count, seed.cast_unsigned()))?;
     let rows = found.len() / channels.max(1);
     PyArray1::from_vec(py, found).reshape([rows, channels])
 }
@@ -237,12 +230,11 @@ pub fn bound<'py>(
     let mechanism = only(&mechanism.0, closures).map_err(PyError::from)?;
     let (offsets, gains, sigma) = (vector(&offsets), vector(&gains), vector(&sigma));
     let counts = flat(&counts);
-    let found = work(py, || {
+    done_as_value(py, || {
         let poses = Candidates::new(&mechanism, counts, &offsets, &gains, &sigma)?;
         let all: Vec<usize> = (0..poses.len()).collect();
-        Ok::<_, rsicalib::Error>(poses.bound(&all))
-    })?;
-    Ok(pythonize(py, &found.map_err(PyError::from)?)?)
+        Ok::<_, Error>(poses.bound(&all))
+    })
 }
 
 /// Means of samples of exact readings of shape (n, channels), with noise `sigma` [readings], rounded to
@@ -257,10 +249,9 @@ pub fn means_of_samples<'py>(
     seed: u64,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (shape, exact) = (exact.as_array().dim(), flat(&exact));
-    let means = work(py, || {
+    let means = done(py, || {
         rsicalib::readings::sampled::means_of_samples(&mechanism.0, &exact, sigma, samples, seed)
-    })?
-    .map_err(PyError::from)?;
+    })?;
     PyArray1::from_vec(py, means).reshape([shape.0, shape.1])
 }
 
@@ -285,10 +276,7 @@ pub fn rsi_poses<'py>(
     angles: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let view = angles.as_array();
-    if view.ncols() != 9 {
-        let (what, found) = ("angles".into(), view.ncols());
-        return Err(PyError::from(rsicalib::Error::Shape { what, found, expected: 9 }).into());
-    }
+    Error::same("angles", view.ncols(), 9).map_err(PyError::from)?;
     let pose = |row: numpy::ndarray::ArrayView1<'_, f64>| {
         rsicalib::mechanism::hand_controller::forward(&std::array::from_fn(|i| {
             std::array::from_fn(|j| row[3 * i + j])
@@ -300,9 +288,6 @@ pub fn rsi_poses<'py>(
 
 pub(crate) fn six(poses: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 6]>> {
     let view = poses.as_array();
-    if view.ncols() != 6 {
-        let (what, found) = ("a pose".into(), view.ncols());
-        return Err(PyError::from(rsicalib::Error::Shape { what, found, expected: 6 }).into());
-    }
+    Error::same("a pose", view.ncols(), 6).map_err(PyError::from)?;
     Ok(view.rows().into_iter().map(|r| std::array::from_fn(|i| r[i])).collect())
 }

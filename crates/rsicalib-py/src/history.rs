@@ -7,10 +7,9 @@ use pythonize::pythonize;
 use rsicalib::history::{Dated, forecast, series};
 
 use crate::apply::{PyApplied, PyEstimate, PySpec, estimate_of, spec_of};
-use crate::error::PyError;
 use crate::mechanism::PyMechanism;
 use crate::tables::PyTable;
-use crate::threads::work;
+use crate::threads::done;
 
 /// Day, parameters, and where something has changed, as the result says.
 type PyDated = (f64, Vec<PyEstimate>, Vec<PySpec>);
@@ -44,14 +43,13 @@ pub fn history<'py>(
         let covariance: Vec<f64> = covariance.as_array().iter().copied().collect();
         (applied.into(), covariance, table.table(), target)
     });
-    let (series, passing, forecast) = work(py, || {
+    let (series, passing, forecast) = done(py, || {
         let (series, passing) = series(&mechanism.0, &results)?;
         let coming = last.map(|(applied, covariance, table, target)| {
             forecast(&mechanism.0, &applied, &covariance, &series, table, target)
         });
         Ok::<_, rsicalib::Error>((series, passing, coming.transpose()?.flatten()))
-    })?
-    .map_err(PyError::from)?;
+    })?;
     let forecast = forecast.map(|forecast| pythonize(py, &forecast)).transpose()?;
     let passing = passing.iter().map(ToString::to_string).collect();
     Ok((pythonize(py, &series)?, passing, forecast))

@@ -30,84 +30,60 @@ use rsicalib::monitor::MonitorOptions;
 
 /// The compiled core of rsicalib.
 #[pymodule]
-fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    let verdicts: Vec<(&str, u8)> = Verdict::ALL.iter().map(|v| (v.id(), v.exit_code())).collect();
-    module.add("VERDICTS", verdicts)?;
-    module.add("COMPLETE", PyTuple::new(module.py(), COMPLETE)?)?;
-    module.add("UNKNOWN_THINGS", PyTuple::new(module.py(), UNKNOWN_THINGS)?)?;
-    module.add("CRITERIA", PyTuple::new(module.py(), CRITERIA.map(|c| c.0))?)?;
-    module.add("MARGIN", MARGIN)?;
-    module.add("LARGEST", rsicalib::numerics::bounds::LARGEST)?;
-    module.add("FALSE_ALARMS", MonitorOptions::default().false_alarms)?;
-    module.add("SCALINGS", PyTuple::new(module.py(), SCALINGS.map(|s| s.0))?)?;
-    add_class::<mechanism::PyMechanism>(module)?;
-    add_class::<mechanism::PyChannel>(module)?;
-    add_class::<mechanism::PyTerm>(module)?;
-    add_class::<observations::PyObservations>(module)?;
-    add_class::<observations::PyFit>(module)?;
-    add_class::<observations::PyEvidenceSource>(module)?;
-    add_class::<monitor::PyMonitor>(module)?;
-    add_class::<apply::PyPlacer>(module)?;
-    module.add_function(wrap_pyfunction!(documents::read_result, module)?)?;
-    module.add_function(wrap_pyfunction!(documents::certify, module)?)?;
-    module.add_function(wrap_pyfunction!(documents::schemas, module)?)?;
-    module.add_function(wrap_pyfunction!(documents::mechanism_schema, module)?)?;
-    module.add_function(wrap_pyfunction!(documents::evidence_schema, module)?)?;
-    module.add_function(wrap_pyfunction!(documents::written_keys, module)?)?;
-    module.add_function(wrap_pyfunction!(mechanism::terms, module)?)?;
-    module.add_function(wrap_pyfunction!(mechanism::rules, module)?)?;
-    module.add_function(wrap_pyfunction!(experiments::angles_at, module)?)?;
-    module.add_function(wrap_pyfunction!(mechanism::rsi_forward, module)?)?;
-    module.add_function(wrap_pyfunction!(experiments::minimize, module)?)?;
-    module.add_function(wrap_pyfunction!(experiments::misclosure, module)?)?;
-    module.add_function(wrap_pyfunction!(experiments::jacobian, module)?)?;
-    module.add_function(wrap_pyfunction!(experiments::observability, module)?)?;
-    module.add_function(wrap_pyfunction!(experiments::readings_at, module)?)?;
-    module.add_function(wrap_pyfunction!(experiments::within_limits, module)?)?;
-    module.add_function(wrap_pyfunction!(experiments::means_of_samples, module)?)?;
-    module.add_function(wrap_pyfunction!(experiments::bound, module)?)?;
-    module.add_function(wrap_pyfunction!(design::identifiable, module)?)?;
-    module.add_function(wrap_pyfunction!(devices::calibrate_devices, module)?)?;
-    module.add_function(wrap_pyfunction!(design::plan, module)?)?;
-    module.add_function(wrap_pyfunction!(design::further, module)?)?;
-    module.add_function(wrap_pyfunction!(design::bound_at, module)?)?;
-    module.add_function(wrap_pyfunction!(design::workspace, module)?)?;
-    module.add_function(wrap_pyfunction!(design::traceable, module)?)?;
-    module.add_function(wrap_pyfunction!(design::needed_poses, module)?)?;
-    module.add_function(wrap_pyfunction!(design::guided_done, module)?)?;
-    module.add_function(wrap_pyfunction!(experiments::rsi_angles, module)?)?;
-    module.add_function(wrap_pyfunction!(experiments::rsi_poses, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::declared, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::places, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::exported, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::calibrated_sensors, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::lasting, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::spec, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::compared, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::unit_of_key, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::units_of, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::fixture, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::judged_open_loop, module)?)?;
-    module.add_function(wrap_pyfunction!(raw::suspects, module)?)?;
-    module.add_function(wrap_pyfunction!(raw::unlabelled, module)?)?;
-    module.add_function(wrap_pyfunction!(raw::still_stretches, module)?)?;
-    module.add_function(wrap_pyfunction!(apply::check, module)?)?;
-    module.add_function(wrap_pyfunction!(monitor::open_loops, module)?)?;
-    module.add_function(wrap_pyfunction!(monitor::expects_more, module)?)?;
-    module.add_function(wrap_pyfunction!(monitor::rms_misclosure, module)?)?;
-    module.add_function(wrap_pyfunction!(history::history, module)?)?;
-    module.add_function(wrap_pyfunction!(population::centre_of_population, module)?)?;
-    module.add_function(wrap_pyfunction!(population::shares, module)?)?;
-    module.add_function(wrap_pyfunction!(population::population, module)?)?;
-    module.add_function(wrap_pyfunction!(population::beyond_chance, module)?)?;
-    module.add_function(wrap_pyfunction!(population::summed, module)?)?;
-    module.add_function(wrap_pyfunction!(population::common_shifts, module)?)?;
-    module.add_function(wrap_pyfunction!(population::usual, module)?)?;
-    module.add_function(wrap_pyfunction!(population::distances, module)?)?;
-    module.add_function(wrap_pyfunction!(population::standing_out, module)?)?;
-    module.add_function(wrap_pyfunction!(numbers::plain_numbers, module)?)?;
-    Ok(())
+mod _core {
+    use super::*;
+
+    #[pymodule_export]
+    use super::{
+        apply::{
+            calibrated_sensors, check, compared, declared, exported, fixture, judged_open_loop,
+            lasting, places, spec, unit_of_key, units_of,
+        },
+        design::{
+            bound_at, further, guided_done, identifiable, needed_poses, plan, traceable, workspace,
+        },
+        devices::calibrate_devices,
+        documents::{
+            certify, evidence_schema, mechanism_schema, read_result, schemas, written_keys,
+        },
+        experiments::{
+            angles_at, bound, jacobian, means_of_samples, minimize, misclosure, observability,
+            readings_at, rsi_angles, rsi_poses, within_limits,
+        },
+        history::history,
+        mechanism::{rules, terms},
+        monitor::{expects_more, open_loops, rms_misclosure},
+        numbers::plain_numbers,
+        population::{
+            beyond_chance, centre_of_population, common_shifts, distances, population, shares,
+            standing_out, summed, usual,
+        },
+        raw::{still_stretches, suspects, unlabelled},
+    };
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        let verdicts: Vec<(&str, u8)> =
+            Verdict::ALL.iter().map(|v| (v.id(), v.exit_code())).collect();
+        module.add("VERDICTS", verdicts)?;
+        module.add("COMPLETE", PyTuple::new(module.py(), COMPLETE)?)?;
+        module.add("UNKNOWN_THINGS", PyTuple::new(module.py(), UNKNOWN_THINGS)?)?;
+        module.add("CRITERIA", PyTuple::new(module.py(), CRITERIA.map(|c| c.0))?)?;
+        module.add("MARGIN", MARGIN)?;
+        module.add("LARGEST", rsicalib::numerics::bounds::LARGEST)?;
+        module.add("FALSE_ALARMS", MonitorOptions::default().false_alarms)?;
+        module.add("SCALINGS", PyTuple::new(module.py(), SCALINGS.map(|s| s.0))?)?;
+        add_class::<mechanism::PyMechanism>(module)?;
+        add_class::<mechanism::PyChannel>(module)?;
+        add_class::<mechanism::PyTerm>(module)?;
+        add_class::<observations::PyObservations>(module)?;
+        add_class::<observations::PyFit>(module)?;
+        add_class::<observations::PyEvidenceSource>(module)?;
+        add_class::<monitor::PyMonitor>(module)?;
+        add_class::<apply::PyPlacer>(module)?;
+        Ok(())
+    }
 }
 
 /// Adds a class whose values lie where Python's allocator puts an object.

@@ -407,9 +407,3 @@ pub fn terms<'py>(py: Python<'py>, mechanism: &PyMechanism) -> PyResult<Bound<'p
         .collect();
     Ok(pythonize(py, &views)?)
 }
-
-/// Handle pose of the hand controller for joint angles, eqs. (2)-(5).
-#[pyfunction]
-pub fn rsi_forward(angles: [[f64; 3]; 3]) -> [f64; 6] {
-    rsicalib::mechanism::hand_controller::forward(&angles)
-}

@@ -13,7 +13,7 @@ use crate::apply::PyApplied;
 use crate::error::PyError;
 use crate::mechanism::PyMechanism;
 use crate::tables::PyTable;
-use crate::threads::work;
+use crate::threads::{done, work};
 
 /// A calibrated mechanism that is watched at work.
 #[pyclass(name = "Monitor", module = "rsicalib._core")]
@@ -48,8 +48,7 @@ impl PyMonitor {
         options.false_alarms = false_alarms.unwrap_or(options.false_alarms);
         options.quiet = Quiet { dof, correlation, interval };
         let applied = applied.into();
-        let monitor = work(py, || Monitor::new(&mechanism.0, &applied, &covariance, &options))?
-            .map_err(PyError::from)?;
+        let monitor = done(py, || Monitor::new(&mechanism.0, &applied, &covariance, &options))?;
         Ok(Self { monitor: Box::new(monitor), channels: mechanism.0.channels.len() })
     }
 
@@ -61,12 +60,8 @@ impl PyMonitor {
         readings: PyReadonlyArray1<'_, f64>,
         time: Option<f64>,
     ) -> PyResult<Vec<Bound<'py, PyAny>>> {
-        let found = readings.as_slice()?.len();
-        let expected = self.channels;
-        if found != expected {
-            return Err(PyError::from(shape(found, expected)).into());
-        }
         let row = readings.as_slice()?;
+        Error::same("a row", row.len(), self.channels).map_err(PyError::from)?;
         let alarms = work(py, || self.monitor.update(row, time).to_vec())?;
         alarms.iter().map(|alarm| Ok(pythonize(py, alarm)?)).collect()
     }
@@ -79,15 +74,12 @@ impl PyMonitor {
         readings: PyReadonlyArray2<'_, f64>,
         times: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<Vec<Bound<'py, PyAny>>> {
-        let (found, expected) = (readings.as_array().ncols(), self.channels);
-        if found != expected {
-            return Err(PyError::from(shape(found, expected)).into());
-        }
+        let found = readings.as_array().ncols();
+        Error::same("a row", found, self.channels).map_err(PyError::from)?;
         let values = readings.as_slice()?;
         let times = times.as_ref().map(|t| t.as_slice()).transpose()?;
         let alarms: Vec<Alarm> =
-            work(py, || self.monitor.update_all(values, times).map(<[Alarm]>::to_vec))?
-                .map_err(PyError::from)?;
+            done(py, || self.monitor.update_all(values, times).map(<[Alarm]>::to_vec))?;
         alarms.iter().map(|alarm| Ok(pythonize(py, alarm)?)).collect()
     }
 
@@ -168,10 +160,7 @@ pub fn rms_misclosure(
     counted: Vec<bool>,
 ) -> PyResult<Option<f64>> {
     let (applied, table) = (applied.into(), table.table());
-    Ok(work(py, || {
-        rsicalib::monitor::closing::rms_misclosure(&mechanism.0, &applied, table, &counted)
-    })?
-    .map_err(PyError::from)?)
+    done(py, || rsicalib::monitor::closing::rms_misclosure(&mechanism.0, &applied, table, &counted))
 }
 
 /// What a result expects of the misclosure of a table of readings, where that is more than `own`, that of
@@ -201,10 +190,5 @@ fn closed(
 ) -> PyResult<Option<Closing>> {
     let covariance: Option<Vec<f64>> = covariance.map(|c| c.as_array().iter().copied().collect());
     let (applied, readings) = (applied.into(), table.some_poses());
-    work(py, || closing(&mechanism.0, &applied, covariance.as_deref(), readings, scale))?
-        .map_err(|error| PyError::from(error).into())
-}
-
-fn shape(found: usize, expected: usize) -> Error {
-    Error::Shape { what: "a row".into(), found, expected }
+    done(py, || closing(&mechanism.0, &applied, covariance.as_deref(), readings, scale))
 }

@@ -31,7 +31,7 @@ use crate::error::PyError;
 use crate::mechanism::PyMechanism;
 use crate::options::{PyExpected, fit_options};
 use crate::tables::{PyKnown, PyTable, known_of};
-use crate::threads::work;
+use crate::threads::{done, done_as_value, work};
 
 /// Readings of one mechanism, with what is known beside them.
 #[pyclass(frozen, skip_from_py_object, name = "Session", module = "rsicalib._core")]
@@ -82,24 +82,16 @@ type Calibration<'py> = (Bound<'py, PyAny>, PyFit, Option<PyFit>);
 
 /// What is known beside the readings, as Python gives it: see [`Beside`].
 #[derive(FromPyObject)]
+#[pyo3(from_item_all)]
 pub struct PyBeside<'py> {
-    #[pyo3(item)]
     mechanism: PyRef<'py, PyMechanism>,
-    #[pyo3(item)]
     declared: PyApplied,
-    #[pyo3(item)]
     known: Option<PyKnown<'py>>,
-    #[pyo3(item)]
     align: bool,
-    #[pyo3(item)]
     whole: Option<PyTable<'py>>,
-    #[pyo3(item)]
     groups: Option<Vec<String>>,
-    #[pyo3(item)]
     keep: Option<Vec<String>>,
-    #[pyo3(item)]
     leave: Option<Vec<String>>,
-    #[pyo3(item)]
     own: bool,
 }
 
@@ -151,8 +143,7 @@ impl PyObservations {
         }
         let rest = rest.map(|r| r.as_array().iter().copied().collect());
         let table = table.table();
-        let observations = work(py, || Observations::new(&mechanism.0, table, rest, options))?
-            .map_err(PyError::from)?;
+        let observations = done(py, || Observations::new(&mechanism.0, table, rest, options))?;
         Ok(Self { observations: Arc::new(observations), listener })
     }
 
@@ -169,13 +160,11 @@ impl PyObservations {
     /// What effects would do in these poses: `supposed` as in `curvature@a22.c2=0.02`.
     fn suppose<'py>(&self, py: Python<'py>, supposed: Vec<String>) -> PyResult<Bound<'py, PyAny>> {
         let session = Arc::clone(&self.observations);
-        let found = work(py, || {
+        done_as_value(py, || {
             let all: Result<Vec<Supposed>, _> =
                 supposed.iter().map(|text| Supposed::parse(text)).collect();
             rsicalib::design::suppose::suppose(&session, &all?)
-        })?
-        .map_err(PyError::from)?;
-        Ok(pythonize(py, &found)?)
+        })
     }
 
     /// Closes the loop.
@@ -236,8 +225,7 @@ impl PyObservations {
     /// Fits the terms that the options ask for.
     fn fit(&self, py: Python<'_>) -> PyResult<PyFit> {
         let session = Arc::clone(&self.observations);
-        let fit = work(py, || session.instances().and_then(|i| rsicalib::fit(&session, i, None)))?
-            .map_err(PyError::from)?;
+        let fit = done(py, || session.instances().and_then(|i| rsicalib::fit(&session, i, None)))?;
         Ok(PyFit { observations: session, fit: Arc::new(fit) })
     }
 }
@@ -281,14 +269,12 @@ impl PyEvidenceSource {
     /// The evidence in the shape of its schema.
     fn gather<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let known = self.known.as_ref();
-        let found = work(py, || match &self.found {
+        done_as_value(py, || match &self.found {
             Found::Traced(traced) => gather::of_trace(traced, known),
             Found::Calibrated(observations, fit, excluded) => {
                 gather::of_calibration(observations, fit, excluded, known)
             }
-        })?
-        .map_err(PyError::from)?;
-        Ok(pythonize(py, &found)?)
+        })
     }
 
     /// A pickle does not keep it: None.
@@ -306,9 +292,6 @@ impl PyObservations {
         raised.map_or(Ok(()), Err)
     }
 }
-
-/// Poses, and the standard deviation of each component.
-type Uncertain = (Vec<[f64; 6]>, Vec<[f64; 6]>);
 
 #[derive(Serialize)]
 struct FitView {
@@ -347,8 +330,7 @@ impl PyFit {
             covariance.map(|c| c.as_array().iter().copied().collect());
         let applied: Applied = applied.into();
         let later = (&*self.observations, &*self.fit);
-        let update = work(py, || Update::since(&applied, covariance.as_deref(), later, rms))?;
-        Ok(pythonize(py, &update.map_err(PyError::from)?)?)
+        done_as_value(py, || Update::since(&applied, covariance.as_deref(), later, rms))
     }
 
     /// What looks wrong with the readings or what is declared of them.
@@ -372,11 +354,9 @@ impl PyFit {
         align: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let known = known_of(known_poses, align);
-        let check = work(py, || {
+        done_as_value(py, || {
             rsicalib::apply::check::check(&self.observations, &self.fit, &known, align)
-        })?
-        .map_err(PyError::from)?;
-        Ok(pythonize(py, &check)?)
+        })
     }
 
     /// Platform pose of every row of a table: shape (n, 6).
@@ -386,31 +366,12 @@ impl PyFit {
         table: PyTable<'_>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let table = table.table();
-        let poses = work(py, || {
+        let poses = done(py, || {
             let beta = &self.fit.beta;
             rsicalib::apply::poses::platform_poses(&self.observations, &self.fit, beta, table)
-        })?
-        .map_err(PyError::from)?;
+        })?;
         let flat: Vec<f64> = poses.iter().flatten().copied().collect();
         PyArray1::from_vec(py, flat).reshape([poses.len(), 6])
-    }
-
-    /// Platform pose of every row and its standard deviations: shapes (n, 6).
-    fn forward_with_sd(&self, py: Python<'_>, table: PyTable<'_>) -> PyResult<Uncertain> {
-        let table = table.table();
-        let found = work(py, || {
-            rsicalib::apply::poses::poses_with_sd(&self.observations, &self.fit, table)
-        })?;
-        Ok(found.map_err(PyError::from)?)
-    }
-
-    /// Where the chains carry their points: shape (points, n, 3).
-    fn carried_points(&self, py: Python<'_>, table: PyTable<'_>) -> PyResult<Vec<Vec<[f64; 3]>>> {
-        let table = table.table();
-        let found = work(py, || {
-            rsicalib::apply::poses::carried_points(&self.observations, &self.fit, table)
-        })?;
-        Ok(found.map_err(PyError::from)?)
     }
 
     /// Whitened residuals: shape (samples, equations), standard normal if the model is right.

@@ -1,6 +1,7 @@
 //! Options of a fit, and what is expected of its parameters, as Python gives them.
 
 use pyo3::prelude::*;
+use rsicalib::Error;
 use rsicalib::estimate::{Expectation, Expected, FitOptions, Method};
 use rsicalib::model::Spec;
 
@@ -17,12 +18,7 @@ pub fn fit_options(
         None | Some("implicit_loop") => Method::ImplicitLoop,
         Some("algebraic") => Method::Algebraic,
         Some(other) => {
-            return Err(rsicalib::Error::Option {
-                name: "method",
-                found: other.into(),
-                expected: "implicit_loop or algebraic".into(),
-            }
-            .into());
+            return Err(Error::option("method", other, "implicit_loop or algebraic").into());
         }
     };
     Ok(FitOptions { terms, closures, noise, method, ..FitOptions::default() })
@@ -33,10 +29,9 @@ type PyExpectation = (String, Option<String>, Option<String>, f64, f64);
 
 /// What is expected of parameters, and the readings at which offsets are meant.
 #[derive(FromPyObject)]
+#[pyo3(from_item_all)]
 pub struct PyExpected {
-    #[pyo3(item)]
     centre: Vec<f64>,
-    #[pyo3(item)]
     parameters: Vec<PyExpectation>,
 }
 

@@ -15,7 +15,7 @@ use crate::error::PyError;
 use crate::mechanism::PyMechanism;
 use crate::options::{PyExpected, fit_options};
 use crate::tables::PyTable;
-use crate::threads::work;
+use crate::threads::{done, work};
 
 /// Value and standard deviation of each parameter.
 type Values = Vec<(f64, f64)>;
@@ -25,34 +25,19 @@ type Population<'py> = (Bound<'py, PyAny>, Vec<Values>, Vec<usize>, Option<usize
 
 /// What a device tells, as Python carries it: matrices as arrays, the rest as lists.
 #[derive(FromPyObject)]
+#[pyo3(from_item_all)]
 pub struct PyShare<'py> {
-    #[pyo3(item)]
     information: PyReadonlyArray2<'py, f64>,
-    #[pyo3(item)]
     told: PyReadonlyArray1<'py, f64>,
-    #[pyo3(item)]
     parameters: Vec<(String, String, String, String)>,
-    #[pyo3(item)]
     candidates: Vec<(String, Option<String>, String, Vec<usize>)>,
 }
 
 impl From<&PyShare<'_>> for Share {
     fn from(given: &PyShare<'_>) -> Self {
-        let parameter =
-            |(term, target, name, unit): &(String, String, String, String)| ParameterReport {
-                term: term.clone(),
-                target: target.clone(),
-                place: None,
-                place_interval: None,
-                name: name.clone(),
-                value: f64::NAN,
-                sd: None,
-                interval: None,
-                sd_between: None,
-                unit: unit.clone(),
-                note: None,
-                earlier: None,
-            };
+        let parameter = |(term, target, name, unit): &(String, String, String, String)| {
+            ParameterReport::named(term, target.clone(), name, unit.clone())
+        };
         let candidate =
             |(term, target, name, columns): &(_, Option<String>, String, Vec<usize>)| {
                 let spec = Spec { term: String::clone(term), target: target.clone(), place: None };
@@ -148,15 +133,10 @@ pub fn population<'py>(
     let alike = |s: &Share| s.told.len() == n && s.information.len() == n * n;
     if !shares.iter().all(alike) {
         let found = "devices with other parameters than the first";
-        return Err(PyError::from(rsicalib::Error::Option {
-            name: "population",
-            found: found.into(),
-            expected: "the same terms of every device".into(),
-        })
-        .into());
+        let expected = "the same terms of every device";
+        return Err(PyError::from(rsicalib::Error::option("population", found, expected)).into());
     }
-    let found = work(py, || rsicalib::population::found(&shares, &tolerances, &levels))?
-        .map_err(PyError::from)?;
+    let found = done(py, || rsicalib::population::found(&shares, &tolerances, &levels))?;
     Ok((pythonize(py, &found)?, found.with_others, found.device_of, found.level))
 }
 
@@ -197,8 +177,7 @@ pub fn common_shifts<'py>(
         .collect();
     let levels = levels.unwrap_or_default();
     let found: Vec<Option<Shift>> =
-        work(py, || rsicalib::population::common_shifts(&estimates, &levels))?
-            .map_err(PyError::from)?;
+        done(py, || rsicalib::population::common_shifts(&estimates, &levels))?;
     found.iter().map(|one| Ok(one.as_ref().map(|one| pythonize(py, one)).transpose()?)).collect()
 }
 

@@ -96,10 +96,7 @@ fn each_channel(channels: &[PySensor], values: &PyReadonlyArray2<'_, f64>) -> Py
 }
 
 fn as_many(what: &str, found: usize, expected: usize) -> PyResult<()> {
-    match found == expected {
-        true => Ok(()),
-        false => Err(PyError::from(Error::Shape { what: what.into(), found, expected }).into()),
-    }
+    Ok(Error::same(what, found, expected).map_err(PyError::from)?)
 }
 
 fn sensors(given: Vec<PySensor>) -> Vec<Channel> {

@@ -8,23 +8,16 @@ use rsicalib::report::result::Known;
 
 /// One table of readings, as Python holds it.
 #[derive(FromPyObject)]
+#[pyo3(from_item_all)]
 pub struct PyTable<'py> {
-    #[pyo3(item)]
     values: PyReadonlyArray2<'py, f64>,
-    #[pyo3(item)]
     pose: Option<PyReadonlyArray1<'py, i64>>,
-    #[pyo3(item)]
     time: Option<PyReadonlyArray1<'py, f64>>,
-    #[pyo3(item)]
     temperature: Option<PyReadonlyArray1<'py, f64>>,
-    #[pyo3(item)]
     session: Option<Vec<usize>>,
-    #[pyo3(item)]
     keys: Vec<Vec<String>>,
-    #[pyo3(item)]
     columns: Vec<Vec<f64>>,
     /// Which rows count; `None`: all.
-    #[pyo3(item)]
     used: Option<Vec<usize>>,
 }
 

@@ -2,14 +2,19 @@
 //!
 //! The core divides its work over rayon's common pool. A process that was forked has a copy of that
 //! pool without its threads, and would wait for them for ever: there the work is done in a pool of its
-//! own. Every binding that computes goes through [`work`]; clippy refuses `Python::detach` elsewhere.
+//! own. Every binding that computes goes through [`work`], most by [`done`]; clippy refuses
+//! `Python::detach` elsewhere.
 
 use std::mem;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
+use pythonize::pythonize;
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use serde::Serialize;
+
+use crate::error::PyError;
 
 /// The process that worked first: the common pool's threads are, or will be, its own.
 static FIRST: OnceLock<u32> = OnceLock::new();
@@ -29,6 +34,22 @@ pub fn work<T: Send>(py: Python<'_>, job: impl FnOnce() -> T + Send) -> PyResult
     }
     let pool = pool_of(process)?;
     Ok(py.detach(|| pool.install(job)))
+}
+
+/// Runs a job of the core that may fail.
+pub fn done<T: Send>(
+    py: Python<'_>,
+    job: impl FnOnce() -> Result<T, rsicalib::Error> + Send,
+) -> PyResult<T> {
+    Ok(work(py, job)?.map_err(PyError::from)?)
+}
+
+/// Runs a job of the core that may fail; what it has found, as a value of Python.
+pub fn done_as_value<T: Send + Serialize>(
+    py: Python<'_>,
+    job: impl FnOnce() -> Result<T, rsicalib::Error> + Send,
+) -> PyResult<Bound<'_, PyAny>> {
+    Ok(pythonize(py, &done(py, job)?)?)
 }
 
 fn pool_of(process: u32) -> PyResult<Arc<ThreadPool>> {

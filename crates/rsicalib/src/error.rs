@@ -136,12 +136,28 @@ pub enum Error {
 }
 
 impl Error {
+    /// An array of a length that cannot be used.
+    pub(crate) fn shape(what: impl Into<String>, found: usize, expected: usize) -> Self {
+        Self::Shape { what: what.into(), found, expected }
+    }
+
+    /// Refuses an array of another length than is expected.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Shape`] with both lengths.
+    pub fn same(what: &str, found: usize, expected: usize) -> Result<(), Self> {
+        if found == expected { Ok(()) } else { Err(Self::shape(what, found, expected)) }
+    }
+
+    /// A mechanism, called `name`, without a section that is needed.
+    pub(crate) fn missing(name: &str, needs: &'static str, why: &'static str) -> Self {
+        Self::Missing { mechanism: name.into(), needs, why }
+    }
+
     /// An option whose value cannot be used.
-    pub(crate) fn option(
-        name: &'static str,
-        found: impl ToString,
-        expected: impl Into<String>,
-    ) -> Self {
+    #[must_use]
+    pub fn option(name: &'static str, found: impl ToString, expected: impl Into<String>) -> Self {
         Self::Option { name, found: found.to_string(), expected: expected.into() }
     }
 
@@ -155,6 +171,20 @@ impl Error {
             other => other,
         }
     }
+}
+
+/// Where among `all` the one with a name is; [`Error::Unknown`] with the names there are.
+pub(crate) fn index_of<T>(
+    all: &[T],
+    name: impl Fn(&T) -> &str,
+    kind: &'static str,
+    wanted: &str,
+) -> Result<usize, Error> {
+    all.iter().position(|one| name(one) == wanted).ok_or_else(|| Error::Unknown {
+        kind,
+        found: wanted.into(),
+        known: all.iter().map(name).collect::<Vec<_>>().join(", "),
+    })
 }
 
 /// What tells the parameters that so many equations do not.

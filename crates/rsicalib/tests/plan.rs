@@ -1,10 +1,10 @@
 //! The Cramér-Rao bound against dense matrices, and plans against brute force.
 
 use crate::paper::{TABLE_II, counts_of, rsi_parameters, table_iii};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rsicalib::Error;
 use rsicalib::design::exchange::Criterion;
-use rsicalib::design::information::Candidates;
+use rsicalib::design::information::{Bound, Candidates};
 use rsicalib::design::observability::{Scaling, observability};
 use rsicalib::design::plan::{self, MARGIN, PlanOptions, plan};
 use rsicalib::design::reach::readings_at;
@@ -18,6 +18,11 @@ fn candidates(poses: &[[f64; 6]]) -> (Candidates, Vec<f64>) {
     let counts = counts_of(poses, &offsets, &gains);
     let made = Candidates::new(&Mechanism::rsi(), counts.clone(), &offsets, &gains, &SIGMA);
     (made.expect("poses"), counts)
+}
+
+/// Root mean square of the offsets' standard deviations.
+fn offset_rms(bound: &Bound) -> f64 {
+    DVector::from_column_slice(&bound.offset_sd).norm() / (bound.offset_sd.len() as f64).sqrt()
 }
 
 /// Covariance of the bound, by inverting the whole of eq. (91) at once.
@@ -59,7 +64,7 @@ fn poses_that_cannot_tell_have_no_bound() {
     let (made, _) = candidates(&both());
     let bound = made.bound(&[0, 1, 2, 3]); // 12 equations
     assert!(bound.offset_sd.iter().all(|sd| sd.is_infinite()));
-    assert!(bound.offset_rms().is_infinite());
+    assert!(offset_rms(&bound).is_infinite());
 }
 
 #[test]
@@ -165,7 +170,7 @@ fn twelve_poses_are_ten_times_better_than_the_paper_s() {
         let options = PlanOptions { seed, ..PlanOptions::default() };
         let found = plan(&Mechanism::rsi(), &offsets, &gains, &options).expect("a workspace");
         // A crude exchange of an independent prototype reached 0.0044 to 0.0056.
-        assert!(found.bound.offset_rms() < 0.0056, "{}", found.bound.offset_rms());
+        assert!(offset_rms(&found.bound) < 0.0056, "{}", offset_rms(&found.bound));
         assert_eq!((found.poses.len(), found.before), (12, None));
         // The closed forms of the paper are the witness of the readings.
         let exact = counts_of(&found.poses, &offsets, &gains);
@@ -181,7 +186,7 @@ fn twelve_poses_are_ten_times_better_than_the_paper_s() {
         // The same poses, judged on their own.
         let again = plan::bound(&Mechanism::rsi(), &offsets, &gains, &found.poses, 1.0);
         let again = again.expect("poses within reach");
-        assert!((again.offset_rms() / found.bound.offset_rms() - 1.0).abs() < 1e-9);
+        assert!((offset_rms(&again) / offset_rms(&found.bound) - 1.0).abs() < 1e-9);
     }
 }
 
@@ -196,7 +201,7 @@ fn a_plan_is_that_of_its_seed_and_complements_what_is_there() {
     let there = counts_of(&TABLE_II, &offsets, &gains);
     let found = of(&PlanOptions { poses: 8, beside: there, noise: 2.0, ..few });
     let before = found.before.expect("poses visited already");
-    assert!(found.bound.offset_rms() < before.offset_rms() / 2.0);
+    assert!(offset_rms(&found.bound) < offset_rms(&before) / 2.0);
     assert_eq!(found.poses.len(), 8);
 }
 

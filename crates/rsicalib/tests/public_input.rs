@@ -151,7 +151,7 @@ fn a_model_refuses_readings_of_another_mechanism_and_a_short_centre() {
     arm.chains[2].rows.pop();
     let found = Model::new(&arm, &readings, Vec::new());
     assert!(matches!(found, Err(Error::Shape { .. })), "{found:?}");
-    let found = Model::about(&mechanism, &readings, Vec::new(), &[2048.0; 8]);
+    let found = Model::about(None, &mechanism, &readings, Vec::new(), &[2048.0; 8]);
     assert!(matches!(found, Err(Error::Shape { found: 8, expected: 9, .. })), "{found:?}");
 }
 

@@ -344,18 +344,14 @@ impl Places {
     ) -> Result<Self, Error> {
         let posed = !mechanism.platform.is_empty();
         if quantity == Quantity::Orientation && !posed {
-            let (mechanism, needs) = (mechanism.name.clone(), "platform");
-            return Err(Error::Missing { mechanism, needs, why: "points have no orientation" });
+            let why = "points have no orientation";
+            return Err(Error::missing(&mechanism.name, "platform", why));
         }
         let n = applied.parameters.len();
-        let shape = |what: &str, found: usize, expected: usize| match found == expected {
-            true => Ok(()),
-            false => Err(Error::Shape { what: what.into(), found, expected }),
-        };
-        shape("covariance", errors.covariance.len(), n * n)?;
+        Error::same("covariance", errors.covariance.len(), n * n)?;
         let acting =
             acting(mechanism, &errors.unseen, &table, applied.reference.temperature, posed)?;
-        let build = if posed { Under::with_terms } else { Under::open_with_terms };
+        let build = if posed { Under::new } else { Under::open };
         let mut under = build(mechanism, applied, table, &acting)?;
         let beta = under.internal(&under.values);
         let slopes = slopes_of(&under, &beta, posed)?;
@@ -374,7 +370,11 @@ impl Places {
         let map = under.by_reported(&beta);
         let root = square_root(&DMatrix::from_row_slice(n, n, &errors.covariance));
         let changes_by: Vec<f64> = errors.between.iter().map(|v| v.max(0.0).sqrt()).collect();
-        shape("between placements", changes_by.len(), if changes_by.is_empty() { 0 } else { n })?;
+        Error::same(
+            "between placements",
+            changes_by.len(),
+            if changes_by.is_empty() { 0 } else { n },
+        )?;
         let changing: Vec<usize> = (0..changes_by.len()).filter(|&k| changes_by[k] > 0.0).collect();
         let mut effects = Vec::with_capacity(errors.unseen.len());
         // How the parameters of the model change with those of all effects.
@@ -383,9 +383,9 @@ impl Places {
         let mut first = 0;
         for (spec, unseen) in &errors.unseen {
             let d = unseen.mean.len();
-            shape("covariance of an effect", unseen.covariance.concat().len(), d * d)?;
+            Error::same("covariance of an effect", unseen.covariance.concat().len(), d * d)?;
             let known = unseen.moves.len().min(n);
-            shape("moves of an effect", unseen.moves.concat().len(), unseen.moves.len() * d)?;
+            Error::same("moves of an effect", unseen.moves.concat().len(), unseen.moves.len() * d)?;
             for k in 0..d {
                 for (i, row) in unseen.moves.iter().take(known).enumerate() {
                     let by = row[k];

@@ -194,9 +194,7 @@ pub(crate) fn compare(
     let Known { table, poses: known, .. } = known;
     let channels = mechanism.channels.len();
     let rows = table.values.len() / channels;
-    if known.len() != rows {
-        return Err(Error::Shape { what: "poses".into(), found: known.len(), expected: rows });
-    }
+    Error::same("poses", known.len(), rows)?;
     let runs = rows_of_known(table, channels, known);
     let parts = runs.concat();
     if parts.is_empty() {

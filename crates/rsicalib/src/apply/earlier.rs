@@ -9,6 +9,7 @@ use crate::apply::check::{Check, compare, unturned};
 use crate::apply::known::Known;
 use crate::apply::poses::poses_of;
 use crate::closures::kind::Part as EndOf;
+use crate::error::index_of;
 use crate::estimate::Noise;
 use crate::estimate::Observations;
 use crate::estimate::Part;
@@ -208,13 +209,10 @@ pub fn platform_poses(
     table: Table,
 ) -> Result<Vec<[f64; 6]>, Error> {
     if mechanism.platform.is_empty() {
-        return Err(Error::Missing {
-            mechanism: mechanism.name.clone(),
-            needs: "platform",
-            why: "poses need the points that carry it",
-        });
+        let why = "poses need the points that carry it";
+        return Err(Error::missing(&mechanism.name, "platform", why));
     }
-    let under = Under::new(mechanism, applied, table)?;
+    let under = Under::new(mechanism, applied, table, &[])?;
     Ok(under.poses(&under.values))
 }
 
@@ -232,7 +230,7 @@ pub fn points(
     applied: &Applied,
     table: Table,
 ) -> Result<Vec<Vec<[f64; 3]>>, Error> {
-    let under = Under::open(mechanism, applied, table)?;
+    let under = Under::open(mechanism, applied, table, &[])?;
     Ok(under.points(&under.values))
 }
 
@@ -245,11 +243,8 @@ pub(crate) fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
     let mut points: Vec<Point> =
         mechanism.points.iter().filter(|p| p.chain.is_some()).cloned().collect();
     let Some(carried) = points.iter().find(|p| p.chain.is_some()).map(|p| p.name.clone()) else {
-        return Err(Error::Missing {
-            mechanism: mechanism.name.clone(),
-            needs: "point on a chain",
-            why: "there is nothing whose place could be told",
-        });
+        let why = "there is nothing whose place could be told";
+        return Err(Error::missing(&mechanism.name, "point on a chain", why));
     };
     let mut anchor = String::from("base");
     while points.iter().any(|p| p.name == anchor) {
@@ -258,7 +253,7 @@ pub(crate) fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
     points.push(Point { name: anchor.clone(), at: Some([0.0; 3]), ..Point::default() });
     // A channel that reads a length, or is like another, senses no joint: it stays at what it read.
     let senses = |closure: &&Closure| {
-        closure.channel.is_some() || closure.kind.facts().between().contains(&EndOf::Channel)
+        closure.channel.is_some() || closure.kind.facts().between.contains(&EndOf::Channel)
     };
     let sensed = mechanism.closures.iter().filter(senses).map(|closure| {
         let between = match closure.channel {
@@ -295,17 +290,8 @@ pub(crate) struct Under {
 }
 
 impl Under {
-    /// The mechanism under a result.
+    /// The mechanism under a result, with terms `more` that the result lacks.
     pub(crate) fn new(
-        mechanism: &Mechanism,
-        applied: &Applied,
-        table: Table,
-    ) -> Result<Self, Error> {
-        Self::build(mechanism, applied, table, |_| true, &[])
-    }
-
-    /// The mechanism under a result, with terms that the result lacks.
-    pub(crate) fn with_terms(
         mechanism: &Mechanism,
         applied: &Applied,
         table: Table,
@@ -314,17 +300,8 @@ impl Under {
         Self::build(mechanism, applied, table, |_| true, more)
     }
 
-    /// Its chains under a result, without what closes them.
+    /// Its chains under a result, without what closes them, with terms `more` that the result lacks.
     pub(crate) fn open(
-        mechanism: &Mechanism,
-        applied: &Applied,
-        table: Table,
-    ) -> Result<Self, Error> {
-        Self::open_with_terms(mechanism, applied, table, &[])
-    }
-
-    /// The same with terms that the result lacks.
-    pub(crate) fn open_with_terms(
         mechanism: &Mechanism,
         applied: &Applied,
         table: Table,
@@ -352,9 +329,7 @@ impl Under {
             ("span", reference.span.len()),
             ("sigma", sigma.len()),
         ] {
-            if found != channels {
-                return Err(Error::Shape { what: what.into(), found, expected: channels });
-            }
+            Error::same(what, found, channels)?;
         }
         let mut readings = Readings::new(mechanism, table)?;
         if let Some(mean) = reference.temperature {
@@ -551,10 +526,5 @@ fn acting_as(
 
 /// Which of a term's parameters bears a name.
 pub(crate) fn parameter_index(term: &dyn Term, name: &str) -> Result<usize, Error> {
-    let known = term.info().parameters;
-    known.iter().position(|k| k.name == name).ok_or_else(|| Error::Unknown {
-        kind: "parameter",
-        found: name.into(),
-        known: known.iter().map(|k| k.name).collect::<Vec<_>>().join(", "),
-    })
+    index_of(term.info().parameters, |parameter| parameter.name, "parameter", name)
 }

@@ -208,9 +208,7 @@ fn with_lines(
     for (what, found) in
         [("centre", applied.reference.centre.len()), ("sigma", applied.sigma.len())]
     {
-        if found != channels {
-            return Err(Error::Shape { what: what.into(), found, expected: channels });
-        }
+        Error::same(what, found, channels)?;
     }
     let mut out = mechanism.clone();
     for (c, channel) in out.channels.iter_mut().enumerate() {

@@ -45,13 +45,7 @@ pub fn fixture(
 ) -> Result<(Vec<Line>, usize), Error> {
     let channels = mechanism.channels.len();
     let readings = Readings::new(mechanism, table.clone())?;
-    if known.len() != readings.samples {
-        return Err(Error::Shape {
-            what: "poses".into(),
-            found: known.len(),
-            expected: readings.samples,
-        });
-    }
+    Error::same("poses", known.len(), readings.samples)?;
     let mut angles = Vec::new();
     let mut values = Vec::new();
     for parts in rows_of_known(table, channels, known) {

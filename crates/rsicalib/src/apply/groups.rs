@@ -27,7 +27,7 @@ fn touches(mechanism: &Mechanism) -> Vec<Touch<'_>> {
         let columns = point(other)?.keys();
         (!columns.is_empty()).then_some(Touch { carried: number(one)?, columns })
     };
-    let closed = mechanism.closures.iter().filter(|c| c.kind.facts().is_vector());
+    let closed = mechanism.closures.iter().filter(|c| c.kind.facts().is_vector);
     closed
         .flat_map(|c| [touch(&c.between[0], &c.between[1]), touch(&c.between[1], &c.between[0])])
         .flatten()
@@ -81,10 +81,7 @@ pub fn spread(
 }
 
 fn expect_rows<'a>(name: &str, cells: &'a [String], rows: usize) -> Result<&'a [String], Error> {
-    match cells.len() {
-        found if found == rows => Ok(cells),
-        found => Err(Error::Shape { what: format!("column {name}"), found, expected: rows }),
-    }
+    Error::same(&format!("column {name}"), cells.len(), rows).map(|()| cells)
 }
 
 /// Distance of each place from the mean of those that belong together.

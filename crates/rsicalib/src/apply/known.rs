@@ -34,8 +34,7 @@ impl Known {
     /// [`Error::Missing`] where there is neither, or where orientations are known of a point;
     /// [`Error::Unknown`] where chains carry several points, and none of them is named.
     pub(crate) fn carried(&self, mechanism: &Mechanism) -> Result<Option<usize>, Error> {
-        let missing =
-            |needs, why| Err(Error::Missing { mechanism: mechanism.name.clone(), needs, why });
+        let missing = |needs, why| Err(Error::missing(&mechanism.name, needs, why));
         if self.point.is_none() && !mechanism.platform.is_empty() {
             return Ok(None);
         }

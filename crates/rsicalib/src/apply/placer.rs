@@ -43,11 +43,7 @@ impl Placer {
     ///
     /// As [`places`](crate::apply::places::places).
     pub fn place(&mut self, reading: &[f64]) -> Result<Vec<f64>, Error> {
-        let channels = self.mechanism.channels.len();
-        if reading.len() != channels {
-            let (what, found) = ("reading".into(), reading.len());
-            return Err(Error::Shape { what, found, expected: channels });
-        }
+        Error::same("reading", reading.len(), self.mechanism.channels.len())?;
         let what = Placed::of(&self.mechanism);
         let (under, beta) = match self.last.take() {
             Some((mut under, beta)) => {
@@ -57,7 +53,7 @@ impl Placer {
             None => {
                 let table = Table { values: reading.to_vec(), ..Table::default() };
                 let build = if what == Placed::Carried { Under::open } else { Under::new };
-                let under = build(&self.mechanism, &self.applied, table)?;
+                let under = build(&self.mechanism, &self.applied, table, &[])?;
                 let beta = under.internal(&under.values);
                 self.last.insert((under, beta))
             }

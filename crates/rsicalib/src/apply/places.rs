@@ -56,7 +56,7 @@ pub fn places(
     let (what, names) = (Placed::of(mechanism), names_of(mechanism)?);
     let posed = what == Placed::Platform;
     let build = if what == Placed::Carried { Under::open } else { Under::new };
-    let mut under = build(mechanism, applied, table)?;
+    let mut under = build(mechanism, applied, table, &[])?;
     let angle = |k: usize| posed && k % 6 >= 3;
     let sd = match covariance {
         Some(covariance) => {
@@ -140,10 +140,7 @@ fn deviations(
     angle: impl Fn(usize) -> bool,
 ) -> Result<Option<Vec<f64>>, Error> {
     let n = values.len();
-    if covariance.len() != n * n {
-        let (what, found) = ("covariance".into(), covariance.len());
-        return Err(Error::Shape { what, found, expected: n * n });
-    }
+    Error::same("covariance", covariance.len(), n * n)?;
     let own: Vec<usize> = (0..n).filter(|&i| !columns[i].is_empty()).collect();
     // Unit variances first: parameters differ by many orders of magnitude.
     let scale: Vec<f64> = own.iter().map(|&i| covariance[i * n + i].max(0.0).sqrt()).collect();

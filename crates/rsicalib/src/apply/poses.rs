@@ -27,78 +27,18 @@ pub fn platform_poses(
 ) -> Result<Vec<[f64; 6]>, Error> {
     let mechanism = &observations.mechanism;
     if mechanism.platform.is_empty() {
-        return Err(Error::Missing {
-            mechanism: mechanism.name.clone(),
-            needs: "platform",
-            why: "poses need the points that carry it",
-        });
+        let why = "poses need the points that carry it";
+        return Err(Error::missing(&mechanism.name, "platform", why));
     }
     let readings = Readings::beside(mechanism, table, &observations.readings)?;
     let model = Model::like(&fit.model, mechanism, &readings)?;
     Ok(poses_of(&model, &readings, beta, &fit.noise.of_one_reading()))
 }
 
-/// Poses, and the standard deviations of their components.
-pub type PosesAndSd = (Vec<[f64; 6]>, Vec<[f64; 6]>);
-
-/// Platform pose of every row with its standard deviations: from the parameters
-/// and from the noise of one reading, to first order by differences.
-///
-/// # Errors
-///
-/// As [`platform_poses`].
-pub fn poses_with_sd(
-    observations: &Observations,
-    fit: &Fit,
-    table: Table,
-) -> Result<PosesAndSd, Error> {
-    let at = |beta: &[f64], table: Table| platform_poses(observations, fit, beta, table);
-    let poses = at(&fit.beta, table.clone())?;
-    let n = fit.beta.len();
-    // How each pose moves with each parameter, per standard deviation of it.
-    let mut moves: Vec<Vec<[f64; 6]>> = Vec::with_capacity(n);
-    let sd: Vec<f64> = (0..n).map(|i| fit.covariance[(i, i)].max(0.0).sqrt()).collect();
-    for i in 0..n {
-        let mut beta = fit.beta.clone();
-        beta[i] += sd[i];
-        moves.push(apart(&at(&beta, table.clone())?, &poses));
-    }
-    let mut variance = vec![[0.0; 6]; poses.len()];
-    for i in 0..n {
-        for j in 0..n {
-            let correlation = fit.covariance[(i, j)] / (sd[i] * sd[j]).max(f64::MIN_POSITIVE);
-            for (sum, (a, b)) in variance.iter_mut().zip(moves[i].iter().zip(&moves[j])) {
-                (0..6).for_each(|k| sum[k] += a[k] * b[k] * correlation);
-            }
-        }
-    }
-    let channels = observations.mechanism.channels.len();
-    for (c, sigma) in fit.noise.sigma.iter().enumerate() {
-        let mut moved = table.clone();
-        let [_, high] = observations.mechanism.channels[c].range.unwrap_or([0.0, f64::INFINITY]);
-        for value in moved.values.iter_mut().skip(c).step_by(channels) {
-            *value += if *value + sigma > high { -sigma } else { *sigma };
-        }
-        for (sum, a) in variance.iter_mut().zip(apart(&at(&fit.beta, moved)?, &poses)) {
-            (0..6).for_each(|k| sum[k] += a[k] * a[k]);
-        }
-    }
-    let deviations = variance.into_iter().map(|v| v.map(|v: f64| v.max(0.0).sqrt())).collect();
-    Ok((poses, deviations))
-}
-
 /// An angle between half a turn back and half a turn ahead.
 pub(crate) fn short_way(angle: f64) -> f64 {
     let turn = 2.0 * std::f64::consts::PI;
     (angle + 0.5 * turn).rem_euclid(turn) - 0.5 * turn
-}
-
-/// Differences of poses, angles the short way round.
-fn apart(a: &[[f64; 6]], b: &[[f64; 6]]) -> Vec<[f64; 6]> {
-    let one = |(a, b): (&[f64; 6], &[f64; 6])| {
-        std::array::from_fn(|k| if k < 3 { a[k] - b[k] } else { short_way(a[k] - b[k]) })
-    };
-    a.iter().zip(b).map(one).collect()
 }
 
 /// Platform poses of readings that a model already knows.

@@ -1,6 +1,6 @@
 //! [`Distance`].
 
-use crate::closures::kind::{At, Given, Kind, Part};
+use crate::closures::kind::{At, Facts, Given, Kind, Part};
 use crate::numerics::lanes::{Lanes, Vec3, dot};
 
 /// Two points are a known length apart, eq. (10).
@@ -15,30 +15,14 @@ use crate::numerics::lanes::{Lanes, Vec3, dot};
 pub struct Distance;
 
 impl Kind for Distance {
-    fn equations(&self) -> usize {
-        1
-    }
-
-    fn between(&self) -> [Part; 2] {
-        [Part::Point; 2]
-    }
-
-    fn given(&self) -> Given {
-        Given::Value
-    }
-
-    /// To first order `|a - b|² - d²` is `2 d` times the error of the distance.
-    fn per_length(&self, value: Option<f64>) -> f64 {
-        value.map_or(1.0, |value| 2.0 * value)
-    }
-
-    fn dimension(&self) -> i32 {
-        2
-    }
-
-    fn words(&self) -> &'static str {
-        "two points are a known length apart"
-    }
+    const FACTS: Facts = Facts {
+        words: "two points are a known length apart",
+        equations: 1,
+        between: [Part::Point; 2],
+        given: Given::Value,
+        is_vector: false,
+        dimension: 2,
+    };
 
     #[inline(always)]
     fn misclosure(at: &At, _row: usize) -> Lanes {

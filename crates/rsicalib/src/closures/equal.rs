@@ -1,6 +1,6 @@
 //! [`Equal`].
 
-use crate::closures::kind::{At, Given, Kind, Part};
+use crate::closures::kind::{At, Facts, Given, Kind, Part};
 use crate::numerics::lanes::{Lanes, Vec3};
 
 /// The coordinates of two channels are equal.
@@ -12,21 +12,14 @@ use crate::numerics::lanes::{Lanes, Vec3};
 pub struct Equal;
 
 impl Kind for Equal {
-    fn equations(&self) -> usize {
-        1
-    }
-
-    fn between(&self) -> [Part; 2] {
-        [Part::Channel; 2]
-    }
-
-    fn given(&self) -> Given {
-        Given::Offset
-    }
-
-    fn words(&self) -> &'static str {
-        "two channels have one coordinate"
-    }
+    const FACTS: Facts = Facts {
+        words: "two channels have one coordinate",
+        equations: 1,
+        between: [Part::Channel; 2],
+        given: Given::Offset,
+        is_vector: false,
+        dimension: 1,
+    };
 
     #[inline(always)]
     fn misclosure(at: &At, row: usize) -> Lanes {

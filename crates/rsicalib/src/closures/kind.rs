@@ -76,65 +76,58 @@ impl At<'_> {
     }
 }
 
+/// What is true of a kind of closure.
+#[derive(Debug)]
+pub struct Facts {
+    /// What it holds, in words.
+    pub words: &'static str,
+    /// Scalar equations of one sample.
+    pub equations: usize,
+    /// What it is between.
+    pub between: [Part; 2],
+    /// The value that it has.
+    pub given: Given,
+    /// True for equations that are the components of one vector: they may be taken along any
+    /// directions, and those left out that say nothing.
+    pub is_vector: bool,
+    /// How often a length is multiplied in an equation: 2 where it is an area.
+    pub dimension: i32,
+}
+
+impl Facts {
+    /// Change of an equation per change of a length, to first order, where the closure has this value;
+    /// `None` where a channel measures it.
+    #[must_use]
+    pub fn per_length(&self, value: Option<f64>) -> f64 {
+        let power = |value: f64| f64::from(self.dimension) * value.powi(self.dimension - 1);
+        value.map_or(1.0, power)
+    }
+}
+
 /// One kind of closure: its facts, and its equations for eight samples.
 ///
 /// The equations are inlined into the kernel of the model, and so take no `self`.
-pub trait Kind: Sync {
-    /// Scalar equations of one sample.
-    fn equations(&self) -> usize;
-
-    /// What it is between.
-    fn between(&self) -> [Part; 2];
-
-    /// The value that it has.
-    fn given(&self) -> Given;
-
-    /// True for equations that are the components of one vector: they may be taken along any
-    /// directions, and those left out that say nothing.
-    fn is_vector(&self) -> bool {
-        false
-    }
-
-    /// Change of an equation per change of a length, where the closure has this value; `None` where a
-    /// channel measures it.
-    fn per_length(&self, _value: Option<f64>) -> f64 {
-        1.0
-    }
-
-    /// How often a length is multiplied in an equation: 2 where it is an area.
-    fn dimension(&self) -> i32 {
-        1
-    }
-
-    /// What it holds, in words.
-    fn words(&self) -> &'static str;
+pub trait Kind {
+    /// What is true of it.
+    const FACTS: Facts;
 
     /// Misclosure of an equation: where a kind says nothing else, how far the ends are apart along a
     /// direction.
     #[inline(always)]
-    fn misclosure(at: &At, row: usize) -> Lanes
-    where
-        Self: Sized,
-    {
+    fn misclosure(at: &At, row: usize) -> Lanes {
         at.along(row, &at.apart)
     }
 
     /// Change of an equation as the first end moves by `moved`; the second end counts with the
     /// opposite sign. `sign` multiplies it.
     #[inline(always)]
-    fn by_end(at: &At, row: usize, moved: &Vec3, sign: f64) -> Lanes
-    where
-        Self: Sized,
-    {
+    fn by_end(at: &At, row: usize, moved: &Vec3, sign: f64) -> Lanes {
         at.along(row, moved) * sign
     }
 
     /// Derivative of an equation by the value: zero where there is none.
     #[inline(always)]
-    fn by_value(_at: &At, _row: usize) -> Lanes
-    where
-        Self: Sized,
-    {
+    fn by_value(_at: &At, _row: usize) -> Lanes {
         Lanes::ZERO
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::closures::distance::Distance;
 use crate::closures::equal::Equal;
-use crate::closures::kind::{At, Given, Kind, Part};
+use crate::closures::kind::{At, Facts, Given, Kind, Part};
 use crate::closures::line::Line;
 use crate::closures::plane::Plane;
 use crate::closures::touch::Touch;
@@ -27,9 +27,9 @@ macro_rules! kinds {
 
             /// What this kind is.
             #[must_use]
-            pub fn facts(self) -> &'static dyn Kind {
+            pub fn facts(self) -> &'static Facts {
                 match self {
-                    $(Self::$kind => &$kind),*
+                    $(Self::$kind => &$kind::FACTS),*
                 }
             }
 
@@ -78,18 +78,18 @@ impl ClosureKind {
     /// Scalar equations of one closure.
     #[must_use]
     pub fn equations(self) -> usize {
-        self.facts().equations()
+        self.facts().equations
     }
 
     /// True for a kind with a value, to which terms can add.
     #[must_use]
     pub fn has_value(self) -> bool {
-        self.facts().given() != Given::Nothing
+        self.facts().given != Given::Nothing
     }
 
     /// True for a kind between points alone.
     #[must_use]
     pub fn is_between_points(self) -> bool {
-        self.facts().between() == [Part::Point; 2]
+        self.facts().between == [Part::Point; 2]
     }
 }

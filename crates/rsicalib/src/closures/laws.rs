@@ -62,7 +62,7 @@ fn derivatives_by_an_end_match_differences() {
             behind.0[0],
             -by_end.0[0],
             "{}: the second end counts the other way round",
-            kind.facts().words()
+            kind.facts().words
         );
     });
 }
@@ -76,7 +76,7 @@ fn derivatives_by_the_value_match_differences() {
             kind.has_value(),
             by_value.0[0] != 0.0,
             "{}: what is given, and the equations",
-            kind.facts().words()
+            kind.facts().words
         );
     });
 }
@@ -93,17 +93,17 @@ fn an_error_of_a_length_counts_as_it_is_said() {
 
 #[test]
 fn kinds_say_what_they_are() {
-    let words: Vec<&str> = ClosureKind::ALL.iter().map(|kind| kind.facts().words()).collect();
+    let words: Vec<&str> = ClosureKind::ALL.iter().map(|kind| kind.facts().words).collect();
     for (k, kind) in ClosureKind::ALL.iter().enumerate() {
         assert!(words[k].len() > 10 && !words[..k].contains(&words[k]), "{kind:?}: {}", words[k]);
         assert!((1..=3).contains(&kind.equations()), "{kind:?}");
         assert!(
-            !kind.facts().is_vector() || kind.equations() == 3,
+            !kind.facts().is_vector || kind.equations() == 3,
             "{}: components of a vector",
-            kind.facts().words()
+            kind.facts().words
         );
         // The first end is what a chain carries, or reads: nothing else moves.
-        let [first, second] = kind.facts().between();
+        let [first, second] = kind.facts().between;
         assert!(matches!(first, Part::Point | Part::Channel), "{kind:?}");
         assert_eq!(first == Part::Channel, second == Part::Channel, "{kind:?}");
     }

@@ -1,6 +1,6 @@
 //! [`Line`].
 
-use crate::closures::kind::{At, Given, Kind, Part};
+use crate::closures::kind::{At, Facts, Given, Kind, Part};
 use crate::numerics::lanes::{Lanes, Vec3};
 
 /// A point is on a line through `o`, across which are `u` and `v`.
@@ -12,21 +12,14 @@ use crate::numerics::lanes::{Lanes, Vec3};
 pub struct Line;
 
 impl Kind for Line {
-    fn equations(&self) -> usize {
-        2
-    }
-
-    fn between(&self) -> [Part; 2] {
-        [Part::Point, Part::Line]
-    }
-
-    fn given(&self) -> Given {
-        Given::Nothing
-    }
-
-    fn words(&self) -> &'static str {
-        "a point is on a line"
-    }
+    const FACTS: Facts = Facts {
+        words: "a point is on a line",
+        equations: 2,
+        between: [Part::Point, Part::Line],
+        given: Given::Nothing,
+        is_vector: false,
+        dimension: 1,
+    };
 
     #[inline(always)]
     fn by_end(at: &At, row: usize, moved: &Vec3, sign: f64) -> Lanes {

@@ -1,6 +1,6 @@
 //! [`Plane`].
 
-use crate::closures::kind::{At, Given, Kind, Part};
+use crate::closures::kind::{At, Facts, Given, Kind, Part};
 use crate::numerics::lanes::{Lanes, Vec3};
 
 /// A point is on a plane with unit normal `n`.
@@ -12,21 +12,14 @@ use crate::numerics::lanes::{Lanes, Vec3};
 pub struct Plane;
 
 impl Kind for Plane {
-    fn equations(&self) -> usize {
-        1
-    }
-
-    fn between(&self) -> [Part; 2] {
-        [Part::Point, Part::Plane]
-    }
-
-    fn given(&self) -> Given {
-        Given::Offset
-    }
-
-    fn words(&self) -> &'static str {
-        "a point is on a plane"
-    }
+    const FACTS: Facts = Facts {
+        words: "a point is on a plane",
+        equations: 1,
+        between: [Part::Point, Part::Plane],
+        given: Given::Offset,
+        is_vector: false,
+        dimension: 1,
+    };
 
     #[inline(always)]
     fn misclosure(at: &At, row: usize) -> Lanes {

@@ -1,6 +1,6 @@
 //! [`Touch`].
 
-use crate::closures::kind::{Given, Kind, Part};
+use crate::closures::kind::{Facts, Given, Kind, Part};
 
 /// Two points coincide.
 ///
@@ -11,23 +11,12 @@ use crate::closures::kind::{Given, Kind, Part};
 pub struct Touch;
 
 impl Kind for Touch {
-    fn equations(&self) -> usize {
-        3
-    }
-
-    fn between(&self) -> [Part; 2] {
-        [Part::Point; 2]
-    }
-
-    fn given(&self) -> Given {
-        Given::Nothing
-    }
-
-    fn is_vector(&self) -> bool {
-        true
-    }
-
-    fn words(&self) -> &'static str {
-        "two points coincide"
-    }
+    const FACTS: Facts = Facts {
+        words: "two points coincide",
+        equations: 3,
+        between: [Part::Point; 2],
+        given: Given::Nothing,
+        is_vector: true,
+        dimension: 1,
+    };
 }

@@ -5,6 +5,7 @@ use faer::{Mat, Side};
 
 use crate::Error;
 use crate::design::information::Candidates;
+use crate::error::index_of;
 
 /// What is made small.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -44,11 +45,7 @@ impl Criterion {
     ///
     /// [`Error::Unknown`] with the names there are.
     pub fn find(name: &str) -> Result<Self, Error> {
-        CRITERIA.iter().find(|c| c.0 == name).map(|c| c.1).ok_or_else(|| Error::Unknown {
-            kind: "criterion",
-            found: name.into(),
-            known: CRITERIA.map(|c| c.0).join(", "),
-        })
+        Ok(CRITERIA[index_of(&CRITERIA, |c| c.0, "criterion", name)?].1)
     }
 }
 

@@ -208,9 +208,9 @@ pub fn further(
         _ => Criterion::Decide,
     });
     if criterion == Criterion::Decide && kept.len() < 2 {
-        let found = "one explanation that poses can tell from others".to_string();
-        let expected = "a result that leaves something open; else platform".into();
-        return Err(Error::Option { name: "criterion", found, expected });
+        let found = "one explanation that poses can tell from others";
+        let expected = "a result that leaves something open; else platform";
+        return Err(Error::option("criterion", found, expected));
     }
     let moments = moments(&at, &session, &judged)?;
     let best = sides[0];
@@ -870,18 +870,9 @@ fn check(observations: &Observations, options: &FurtherOptions) -> Result<(), Er
     let channels = observations.mechanism.channels.len();
     for (name, value) in [("poses", options.poses), ("candidates", options.candidates)] {
         if !(1..=1_000_000).contains(&value) {
-            let expected = "at least 1 and at most 1000000".into();
-            return Err(Error::Option { name, found: value.to_string(), expected });
+            return Err(Error::option(name, value, "at least 1 and at most 1000000"));
         }
     }
-    if !options.off.len().is_multiple_of(channels) {
-        let expected = options.off.len().next_multiple_of(channels);
-        return Err(Error::Shape { what: "off".into(), found: options.off.len(), expected });
-    }
-    match &options.from {
-        Some(from) if from.len() != channels => {
-            Err(Error::Shape { what: "from".into(), found: from.len(), expected: channels })
-        }
-        _ => Ok(()),
-    }
+    Error::same("off", options.off.len(), options.off.len().next_multiple_of(channels))?;
+    options.from.as_ref().map_or(Ok(()), |from| Error::same("from", from.len(), channels))
 }

@@ -181,7 +181,7 @@ fn refuse_large(name: &'static str, count: usize) -> Result<(), Error> {
     }
     let found = format!("{count} rows or parameters");
     let expected = format!("at most {MOST_COUNTED}: the time grows with their cube");
-    Err(Error::Option { name, found, expected })
+    Err(Error::option(name, found, expected))
 }
 
 /// Refuses terms of what is at the ends of closures: nothing of an open chain tells of them.

@@ -36,30 +36,6 @@ pub struct Bound {
     pub joint_sd: Vec<f64>,
 }
 
-impl Bound {
-    /// Root mean square of the offsets' standard deviations (rad).
-    #[must_use]
-    pub fn offset_rms(&self) -> f64 {
-        rms(&self.offset_sd)
-    }
-
-    /// Root mean square of the gains' standard deviations [rad/reading].
-    #[must_use]
-    pub fn gain_rms(&self) -> f64 {
-        rms(&self.gain_sd)
-    }
-
-    /// Root mean square of the joint coordinates' standard deviations (rad).
-    #[must_use]
-    pub fn joint_rms(&self) -> f64 {
-        rms(&self.joint_sd)
-    }
-}
-
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
-}
-
 /// Poses with what they tell.
 #[derive(Debug, Clone)]
 pub struct Candidates {
@@ -89,9 +65,7 @@ impl Candidates {
     ) -> Result<Self, Error> {
         let paper = Paper::new(mechanism, &counts)?;
         let c = mechanism.channels.len();
-        if sigma.len() != c {
-            return Err(Error::Shape { what: "sigma".into(), found: sigma.len(), expected: c });
-        }
+        Error::same("sigma", sigma.len(), c)?;
         let (k, n) = (mechanism.equations(), 2 * c);
         let jacobian = paper.jacobian(offsets, gains)?;
         let mut scale = vec![1.0; c];

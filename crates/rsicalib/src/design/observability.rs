@@ -4,6 +4,7 @@ use faer::Mat;
 
 use crate::Error;
 use crate::design::information::Candidates;
+use crate::error::index_of;
 use crate::estimate::directions::{Direction, Directions, Label, describe};
 use crate::estimate::paper::Paper;
 use crate::mechanism::Mechanism;
@@ -78,11 +79,7 @@ impl Scaling {
     ///
     /// [`Error::Unknown`] with the names there are.
     pub fn find(name: &str) -> Result<Self, Error> {
-        SCALINGS.iter().find(|s| s.0 == name).map(|s| s.1).ok_or_else(|| Error::Unknown {
-            kind: "scaling",
-            found: name.into(),
-            known: SCALINGS.map(|s| s.0).join(", "),
-        })
+        Ok(SCALINGS[index_of(&SCALINGS, |s| s.0, "scaling", name)?].1)
     }
 }
 

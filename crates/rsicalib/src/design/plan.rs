@@ -115,10 +115,7 @@ pub fn plan(
     let channels = mechanism.channels.len();
     check_parameters(mechanism, offsets, gains)?;
     check_options(options)?;
-    if !options.beside.len().is_multiple_of(channels) {
-        let expected = options.beside.len().next_multiple_of(channels);
-        return Err(Error::Shape { what: "beside".into(), found: options.beside.len(), expected });
-    }
+    Error::same("beside", options.beside.len(), options.beside.len().next_multiple_of(channels))?;
     let mut random = Random::new(options.seed);
     let (poses, readings) = match (options.within, mechanism.workspace) {
         (None, None) => by_limits(mechanism, offsets, gains, options)?,
@@ -256,11 +253,8 @@ fn by_limits(
     options: &PlanOptions,
 ) -> Result<Reachable, Error> {
     if mechanism.platform.is_empty() {
-        return Err(Error::Missing {
-            mechanism: mechanism.name.clone(),
-            needs: "platform",
-            why: "without one, poses are planned beside a result",
-        });
+        let why = "without one, poses are planned beside a result";
+        return Err(Error::missing(&mechanism.name, "platform", why));
     }
     let calibrated = with_sensors(mechanism, offsets, gains);
     let values = within_limits(&calibrated, options.candidates, options.seed)?;
@@ -355,9 +349,7 @@ fn check_parameters(mechanism: &Mechanism, offsets: &[f64], gains: &[f64]) -> Re
         return Err(Error::Empty("the mechanism has no channel".into()));
     }
     for (what, values) in [("offsets", offsets), ("gains", gains)] {
-        if values.len() != expected {
-            return Err(Error::Shape { what: what.into(), found: values.len(), expected });
-        }
+        Error::same(what, values.len(), expected)?;
     }
     if let Some(bad) = offsets.iter().find(|v| !v.is_finite()) {
         return Err(Error::option("offsets", bad, "numbers"));

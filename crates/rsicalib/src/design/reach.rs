@@ -49,9 +49,7 @@ pub fn readings_at(
 ) -> Result<Option<Vec<f64>>, Error> {
     let expected = mechanism.channels.len();
     for (what, found) in [("offsets", offsets.len()), ("gains", gains.len())] {
-        if found != expected {
-            return Err(Error::Shape { what: what.into(), found, expected });
-        }
+        Error::same(what, found, expected)?;
     }
     let angles = match angles_at(mechanism, pose) {
         Ok(angles) => angles,

@@ -113,12 +113,9 @@ pub(crate) fn reachable(
         .collect();
     let found = found.without(off);
     if found.len() < 20 {
-        return Err(Error::Option {
-            name: "within",
-            found: format!("{} poses within reach, joint limits and ranges", found.len()),
-            expected: "a box that the mechanism can reach, with poses that are not struck off"
-                .into(),
-        });
+        let found = format!("{} poses within reach, joint limits and ranges", found.len());
+        let expected = "a box that the mechanism can reach, with poses that are not struck off";
+        return Err(Error::option("within", found, expected));
     }
     Ok(found)
 }

@@ -94,11 +94,8 @@ impl Supposed {
     ///
     /// [`Error::Option`] for text of another form.
     pub fn parse(text: &str) -> Result<Self, Error> {
-        let wrong = || Error::Option {
-            name: "term",
-            found: quoted(text),
-            expected: "TERM@TARGET.PARAMETER=VALUE, as in curvature@a22.c2=0.02".into(),
-        };
+        let expected = "TERM@TARGET.PARAMETER=VALUE, as in curvature@a22.c2=0.02";
+        let wrong = || Error::option("term", quoted(text), expected);
         let (left, value) = text.rsplit_once('=').ok_or_else(wrong)?;
         let value = value.trim().parse::<f64>().ok().filter(|v| bounds::usable(*v));
         let value = value.ok_or_else(wrong)?;

@@ -14,7 +14,7 @@ use crate::diagnosis::score::projection::{Projected, project};
 use crate::diagnosis::score::scored::named_places;
 use crate::diagnosis::trace::Traced;
 use crate::estimate::carry_over;
-use crate::estimate::directions::{place, reported_map, unit};
+use crate::estimate::directions::{as_reported, place, unit};
 use crate::model::Instance;
 use crate::numerics::symmetric::VISIBLE;
 use crate::numerics::workers;
@@ -104,7 +104,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
     let first = &model.first[last.model.instances.len()..];
     let extra = model.term_parameters - base;
     let beta = carry_over(last, &model);
-    let to_reported = reported_map(last);
+    let (_, to_reported) = as_reported(last);
     let platform = Movable::new(observations, &model, &beta, &last.assumed())?;
     let seen = seen_at(named.len());
     let of_one = |((instance, candidate), first): ((&Instance, Projected), &usize)| {

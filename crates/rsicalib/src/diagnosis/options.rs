@@ -1,5 +1,6 @@
 //! How to search.
 
+use crate::error::index_of;
 use crate::{Error, terms};
 
 /// How to search.
@@ -58,9 +59,7 @@ macro_rules! rules {
             ///
             /// [`Error::Unknown`] where there is no such rule.
             pub fn of(id: &str) -> Result<Self, Error> {
-                let known = || Self::ALL.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
-                let rule = Self::ALL.iter().find(|(name, _)| *name == id).map(|(_, rule)| *rule);
-                rule.ok_or_else(|| Error::Unknown { kind: "rule", found: id.into(), known: known() })
+                Ok(Self::ALL[index_of(Self::ALL, |rule| rule.0, "rule", id)?].1)
             }
         }
     };

@@ -325,6 +325,25 @@ pub struct ParameterReport {
 }
 
 impl ParameterReport {
+    /// A parameter whose value is not known.
+    #[must_use]
+    pub fn named(term: &str, target: String, name: &str, unit: String) -> Self {
+        Self {
+            term: term.into(),
+            target,
+            name: name.into(),
+            value: f64::NAN,
+            sd: None,
+            unit,
+            interval: None,
+            sd_between: None,
+            place: None,
+            place_interval: None,
+            note: None,
+            earlier: None,
+        }
+    }
+
     /// Its term at its place.
     #[must_use]
     pub fn spec(&self) -> Spec {
@@ -365,21 +384,9 @@ pub fn reported(fit: &Fit) -> (Vec<f64>, Mat<f64>) {
     (values, &map * &fit.covariance * map.transpose())
 }
 
-/// A covariance of the parameters of a fit, as they are reported.
-#[must_use]
-pub fn covariance_as_reported(fit: &Fit, covariance: &Mat<f64>) -> Mat<f64> {
-    let (_, map) = as_reported(fit);
-    &map * covariance * map.transpose()
-}
-
-/// Derivatives of the reported values by the parameters of the model.
-#[must_use]
-pub fn reported_map(fit: &Fit) -> Mat<f64> {
-    as_reported(fit).1
-}
-
-/// Values of the parameters as they are reported, and the derivatives of these.
-fn as_reported(fit: &Fit) -> (Vec<f64>, Mat<f64>) {
+/// Values of the parameters as they are reported, and the derivatives of these by the parameters of
+/// the model.
+pub(crate) fn as_reported(fit: &Fit) -> (Vec<f64>, Mat<f64>) {
     let model = &fit.model;
     let n = model.parameters;
     let mut values = fit.beta.clone();
@@ -407,38 +414,17 @@ pub fn parameter_names(observations: &Observations, fit: &Fit) -> Vec<ParameterR
     let mut names = Vec::new();
     for instance in &fit.model.instances {
         for parameter in instance.term.info().parameters {
-            names.push(ParameterReport {
-                term: instance.term.info().id.into(),
-                target: instance.target.name(mechanism),
-                place: place(observations, instance),
-                place_interval: None,
-                name: parameter.name.into(),
-                value: f64::NAN,
-                sd: None,
-                interval: None,
-                sd_between: None,
-                unit: unit(observations, instance, parameter.unit),
-                note: None,
-                earlier: None,
-            });
+            let target = instance.target.name(mechanism);
+            let unit = unit(observations, instance, parameter.unit);
+            let own = ParameterReport::named(instance.term.info().id, target, parameter.name, unit);
+            names.push(ParameterReport { place: place(observations, instance), ..own });
         }
     }
     for unknown in &fit.model.unknowns {
         for (name, length) in unknown.thing.coordinates(mechanism) {
-            names.push(ParameterReport {
-                term: unknown.thing.term().into(),
-                target: unknown.name.clone(),
-                place: None,
-                place_interval: None,
-                name: name.into(),
-                value: f64::NAN,
-                sd: None,
-                interval: None,
-                sd_between: None,
-                unit: if length { mechanism.length_unit.clone() } else { "rad".into() },
-                note: None,
-                earlier: None,
-            });
+            let unit = if length { mechanism.length_unit.clone() } else { "rad".into() };
+            let (term, target) = (unknown.thing.term(), unknown.name.clone());
+            names.push(ParameterReport::named(term, target, name, unit));
         }
     }
     names

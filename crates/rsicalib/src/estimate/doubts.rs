@@ -26,7 +26,7 @@ pub(crate) fn of_closures(model: &Model) -> Vec<Suspicion> {
     let mechanism = &model.mechanism;
     let unused = |k: &usize| {
         let closure = &mechanism.closures[*k];
-        !closure.kind.facts().is_vector()
+        !closure.kind.facts().is_vector
             && !mechanism.is_link(closure)
             && model.equations_of(*k) == 0
     };

@@ -71,15 +71,11 @@ pub fn fit(
     }
     // Of what was asked for; a search looks at the gains that it finds.
     if from.is_none() && search::unscaled(&model, &priors) {
-        return Err(Error::Option {
-            name: "terms",
-            found:
-                "all gains of channels that are to be equal: gains of zero would fit any readings"
-                    .into(),
-            expected:
-                "one gain that is known: name the others, `gain@CHANNEL`, or give one an `sd`"
-                    .into(),
-        });
+        return Err(Error::option(
+            "terms",
+            "all gains of channels that are to be equal: gains of zero would fit any readings",
+            "one gain that is known: name the others, `gain@CHANNEL`, or give one an `sd`",
+        ));
     }
     let guess = first_noise(observations, from.map(Fit::assumed));
     let start = match from {
@@ -109,14 +105,11 @@ pub fn fit(
     });
     let no_scale = |fit: &Fit| fit.has_no_scale() || search::shrunk(&fit.model, &fit.beta);
     match (from, found) {
-        (None, Ok(found)) if no_scale(&found) => Err(Error::Option {
-            name: "terms",
-            found: "every length free, so that nothing says how long anything is".into(),
-            expected:
-                "one length that is known: name `distance` of some closures only, or give one \
-                       an `sd`"
-                    .into(),
-        }),
+        (None, Ok(found)) if no_scale(&found) => Err(Error::option(
+            "terms",
+            "every length free, so that nothing says how long anything is",
+            "one length that is known: name `distance` of some closures only, or give one an `sd`",
+        )),
         (_, found) => found,
     }
 }

@@ -6,7 +6,7 @@
 //! prior, near singular poses.
 
 use crate::estimate::conventions;
-use crate::estimate::directions::{covariance_as_reported, reported_map};
+use crate::estimate::directions::as_reported;
 use crate::estimate::fit::widening;
 use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
@@ -83,8 +83,8 @@ fn of_problem(fit: &Fit, problem: &Implicit) -> Option<Vec<Option<[f64; 2]>>> {
         return None;
     }
     let cost = problem.linearize(likeliest).cost;
-    let map = reported_map(fit);
-    let variances = covariance_as_reported(fit, &fit.covariance);
+    let (_, map) = as_reported(fit);
+    let variances = &map * &fit.covariance * map.transpose();
     let n = fit.model.parameters;
     let of = |k: usize| {
         let row: Vec<f64> = (0..n).map(|i| map[(k, i)]).collect();

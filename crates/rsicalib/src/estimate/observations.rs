@@ -108,7 +108,7 @@ impl Observations {
         earlier: Option<&Model>,
         instances: Vec<Instance>,
     ) -> Result<Model, Error> {
-        Model::about_as(earlier, &self.mechanism, &self.readings, instances, &self.centre)
+        Model::about(earlier, &self.mechanism, &self.readings, instances, &self.centre)
     }
 
     /// The model of a fit of these readings with candidates beside its terms.
@@ -220,11 +220,7 @@ impl Observations {
     /// Checks what may have been changed since these observations were made.
     pub(crate) fn check(&self) -> Result<(), Error> {
         self.options.check_for(self.mechanism.channels.len())?;
-        let (found, expected) = (self.weights.len(), self.readings.samples);
-        match found == expected {
-            true => Ok(()),
-            false => Err(Error::Shape { what: "weights".into(), found, expected }),
-        }
+        Error::same("weights", self.weights.len(), self.readings.samples)
     }
 
     /// Variance of the rounding of each channel.

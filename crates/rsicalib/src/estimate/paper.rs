@@ -158,7 +158,7 @@ impl Layout {
     }
 
     fn compile_closures(&mut self, mechanism: &Mechanism) -> Result<(), Error> {
-        let missing = |needs, why| Error::Missing { mechanism: mechanism.name.clone(), needs, why };
+        let missing = |needs, why| Error::missing(&mechanism.name, needs, why);
         let mut equation = 0;
         for closure in &mechanism.closures {
             if !closure.kind.is_between_points() {
@@ -181,7 +181,7 @@ impl Layout {
                     self.ends.len() - 1
                 });
             }
-            let value = match (closure.kind.facts().given(), &closure.value) {
+            let value = match (closure.kind.facts().given, &closure.value) {
                 (Given::Value, Some(Value::Known(d))) => *d,
                 (Given::Nothing, _) => 0.0,
                 _ => {
@@ -243,8 +243,7 @@ impl Paper {
         let channels = layout.channels;
         let samples = counts.len() / channels.max(1);
         if counts.len() != samples * channels {
-            let (what, found) = ("counts".into(), counts.len());
-            return Err(Error::Shape { what, found, expected: (samples + 1) * channels });
+            return Err(Error::shape("counts", counts.len(), (samples + 1) * channels));
         }
         if samples == 0 {
             return Err(Error::Empty("the table has no rows".into()));
@@ -375,10 +374,7 @@ impl Paper {
 
     fn parameters(&self, offsets: &[f64], gains: &[f64]) -> Result<Vec<f64>, Error> {
         for (what, given) in [("offsets", offsets), ("gains", gains)] {
-            if given.len() != self.layout.channels {
-                let (found, expected) = (given.len(), self.layout.channels);
-                return Err(Error::Shape { what: what.into(), found, expected });
-            }
+            Error::same(what, given.len(), self.layout.channels)?;
         }
         Ok([offsets, gains].concat())
     }

@@ -152,7 +152,7 @@ impl Tied {
     fn new(observations: &Observations, model: &Model, anchor: &Anchor) -> Option<Self> {
         let (at, angles): (Vec<f64>, Vec<f64>) = anchor.at.iter().copied().unzip();
         let instances = model.instances.clone();
-        let model = Model::about_as(
+        let model = Model::about(
             Some(model),
             &observations.mechanism,
             &observations.readings,

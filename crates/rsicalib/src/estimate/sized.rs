@@ -111,7 +111,7 @@ fn coordinates(model: &Model) -> Vec<(usize, usize)> {
 /// True for a point of which distances tell, and nothing else.
 pub(crate) fn told_by_distances(mechanism: &Mechanism, name: &String) -> bool {
     let mut own = mechanism.closures.iter().filter(|c| c.between.contains(name)).peekable();
-    own.peek().is_some() && own.all(|c| c.kind.facts().given() == Given::Value)
+    own.peek().is_some() && own.all(|c| c.kind.facts().given == Given::Value)
 }
 
 /// The middle of the points that are fixed in the base; its origin where there is none.

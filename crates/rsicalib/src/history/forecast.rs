@@ -58,14 +58,13 @@ pub fn forecast(
     target: f64,
 ) -> Result<Option<Forecast>, Error> {
     let n = last.parameters.len();
-    if covariance.len() != n * n {
-        let (what, found) = ("covariance".into(), covariance.len());
-        return Err(Error::Shape { what, found, expected: n * n });
-    }
+    Error::same("covariance", covariance.len(), n * n)?;
     if n == 0 {
         return Ok(None);
     }
-    let Some(square) = mean_square(&Under::new(mechanism, last, table)?)? else { return Ok(None) };
+    let Some(square) = mean_square(&Under::new(mechanism, last, table, &[])?)? else {
+        return Ok(None);
+    };
     let root = square_root(&DMatrix::from_row_slice(n, n, covariance));
     let course = |k: usize| {
         let own = &last.parameters[k];

@@ -2,13 +2,14 @@
 
 use crate::Error;
 use crate::closures::kind::{Given, Part};
+use crate::error::index_of;
 use crate::mechanism::drawing::{Channel, Closure, Mechanism, Motion, Point, Value};
 use crate::mechanism::places::{Frame, Line, Plane};
 
 impl Closure {
     /// True where the coordinates of two channels are equal.
     pub(crate) fn is_of_channels(&self) -> bool {
-        self.kind.facts().between() == [Part::Channel; 2]
+        self.kind.facts().between == [Part::Channel; 2]
     }
 }
 
@@ -19,7 +20,7 @@ impl Mechanism {
     ///
     /// [`Error::Unknown`] with the known names.
     pub fn channel_index(&self, name: &str) -> Result<usize, Error> {
-        index(&self.channels, |c| &c.name, "channel", name)
+        index_of(&self.channels, |c| &c.name, "channel", name)
     }
 
     /// Index of a chain.
@@ -28,7 +29,7 @@ impl Mechanism {
     ///
     /// As [`Mechanism::channel_index`].
     pub fn chain_index(&self, name: &str) -> Result<usize, Error> {
-        index(&self.chains, |c| &c.name, "chain", name)
+        index_of(&self.chains, |c| &c.name, "chain", name)
     }
 
     /// Index of a point.
@@ -37,7 +38,7 @@ impl Mechanism {
     ///
     /// As [`Mechanism::channel_index`].
     pub fn point_index(&self, name: &str) -> Result<usize, Error> {
-        index(&self.points, |p| &p.name, "point", name)
+        index_of(&self.points, |p| &p.name, "point", name)
     }
 
     /// Index of a closure.
@@ -46,7 +47,7 @@ impl Mechanism {
     ///
     /// As [`Mechanism::channel_index`].
     pub fn closure_index(&self, name: &str) -> Result<usize, Error> {
-        index(&self.closures, |c| &c.name, "closure", name)
+        index_of(&self.closures, |c| &c.name, "closure", name)
     }
 
     /// Index of a plane.
@@ -55,7 +56,7 @@ impl Mechanism {
     ///
     /// As [`Mechanism::channel_index`].
     pub fn plane_index(&self, name: &str) -> Result<usize, Error> {
-        index(&self.planes, |p| &p.name, "plane", name)
+        index_of(&self.planes, |p| &p.name, "plane", name)
     }
 
     /// Index of a line.
@@ -64,7 +65,7 @@ impl Mechanism {
     ///
     /// As [`Mechanism::channel_index`].
     pub fn line_index(&self, name: &str) -> Result<usize, Error> {
-        index(&self.lines, |l| &l.name, "line", name)
+        index_of(&self.lines, |l| &l.name, "line", name)
     }
 
     /// Index of what an end of a closure names.
@@ -87,7 +88,7 @@ impl Mechanism {
     ///
     /// As [`Mechanism::channel_index`].
     pub fn frame_index(&self, name: &str) -> Result<usize, Error> {
-        index(&self.frames, |f| &f.name, "frame", name)
+        index_of(&self.frames, |f| &f.name, "frame", name)
     }
 
     /// Number of scalar equations of one sample.
@@ -142,7 +143,7 @@ impl Mechanism {
     /// Columns of the readings which hold measured distances, in the order of the closures.
     #[must_use]
     pub fn distance_columns(&self) -> Vec<String> {
-        let lengths = |c: &&Closure| c.kind.facts().given() == Given::Value;
+        let lengths = |c: &&Closure| c.kind.facts().given == Given::Value;
         each_once(self.closures.iter().filter(lengths).filter_map(column_of))
     }
 
@@ -199,7 +200,7 @@ impl Mechanism {
     /// True for a closure whose value the drawing alone says.
     pub(crate) fn is_drawn(&self, closure: usize) -> bool {
         let closure = &self.closures[closure];
-        match closure.kind.facts().between()[1] {
+        match closure.kind.facts().between[1] {
             Part::Plane => {
                 let mut planes = self.planes.iter();
                 planes.any(|p| p.name == closure.between[1] && p.unknown.is_none())
@@ -256,12 +257,12 @@ impl Mechanism {
 
     /// True for a point on a plane.
     pub(crate) fn is_on_plane(&self, closure: usize) -> bool {
-        self.closures[closure].kind.facts().between()[1] == Part::Plane
+        self.closures[closure].kind.facts().between[1] == Part::Plane
     }
 
     /// True for a point on a line.
     pub(crate) fn is_on_line(&self, closure: usize) -> bool {
-        self.closures[closure].kind.facts().between()[1] == Part::Line
+        self.closures[closure].kind.facts().between[1] == Part::Line
     }
 
     /// True where a point is on a plane or a line.
@@ -422,17 +423,4 @@ pub(super) fn keys_of(text: &str, columns: &[String]) -> Option<Vec<(usize, Stri
 
 pub(crate) fn list<'a>(names: impl Iterator<Item = &'a String>) -> String {
     names.map(String::as_str).collect::<Vec<_>>().join(", ")
-}
-
-fn index<T>(
-    all: &[T],
-    name: impl Fn(&T) -> &String,
-    kind: &'static str,
-    wanted: &str,
-) -> Result<usize, Error> {
-    all.iter().position(|t| name(t) == wanted).ok_or_else(|| Error::Unknown {
-        kind,
-        found: wanted.into(),
-        known: list(all.iter().map(name)),
-    })
 }

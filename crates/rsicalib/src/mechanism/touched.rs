@@ -11,7 +11,7 @@ impl Mechanism {
     /// apart: planes, lines, points, and frames of measured points. None have no columns here.
     pub(crate) fn keyed_things(&self, closure: usize) -> Vec<(&str, &[String])> {
         let Some(closure) = self.closures.get(closure) else { return Vec::new() };
-        let parts = closure.kind.facts().between();
+        let parts = closure.kind.facts().between;
         let thing = |(part, name): (&Part, &String)| match part {
             Part::Point => {
                 let point = self.points.iter().find(|p| p.name == *name)?;

@@ -135,7 +135,7 @@ impl Mechanism {
         }
         let senses = |channel: &Channel| {
             let between = |c: &Closure| {
-                let parts = c.kind.facts().between().into_iter().zip(&c.between);
+                let parts = c.kind.facts().between.into_iter().zip(&c.between);
                 let named =
                     |(part, name): (Part, &String)| part == Part::Channel && *name == channel.name;
                 c.channel.as_ref() == Some(&channel.name) || parts.into_iter().any(named)
@@ -180,9 +180,9 @@ impl Mechanism {
                 return Err(refuse(place(), format!("{noise}"), "a length of 0 or more".into()));
             }
         }
-        let given = closure.kind.facts().given() == Given::Value;
+        let given = closure.kind.facts().given == Given::Value;
         // Of a plane, how high above it the point is, where a column says so.
-        let heights = closure.kind.facts().between()[1] == Part::Plane;
+        let heights = closure.kind.facts().between[1] == Part::Plane;
         let usable = match (&closure.value, &closure.channel) {
             (None, None) => !given,
             (Some(value), None) => match value.known() {
@@ -216,7 +216,7 @@ impl Mechanism {
         if let Some(channel) = &closure.channel {
             known(self.channel_index(channel), place)?;
         }
-        for (part, name) in closure.kind.facts().between().into_iter().zip(&closure.between) {
+        for (part, name) in closure.kind.facts().between.into_iter().zip(&closure.between) {
             known(self.index_of(part, name), place)?;
         }
         self.check_that_it_varies(closure)
@@ -225,7 +225,7 @@ impl Mechanism {
     /// Refuses a closure of what is unknown in each pose that nothing measures and that has no noise: it
     /// has no variance by which it could be weighed.
     fn check_that_it_varies(&self, closure: &Closure) -> Result<(), Error> {
-        let parts = closure.kind.facts().between().into_iter().zip(&closure.between);
+        let parts = closure.kind.facts().between.into_iter().zip(&closure.between);
         let ends = parts.filter(|(part, _)| *part == Part::Point);
         let ends: Vec<&Point> =
             ends.filter_map(|(_, name)| self.points.iter().find(|p| p.name == *name)).collect();

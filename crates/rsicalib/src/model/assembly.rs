@@ -59,11 +59,8 @@ fn touches(
 /// coordinates reach.
 pub fn inverse(mechanism: &Mechanism, pose: &[f64; 6]) -> Result<Vec<f64>, Error> {
     if mechanism.platform.is_empty() {
-        return Err(Error::Missing {
-            mechanism: mechanism.name.clone(),
-            needs: "platform",
-            why: "the inverse kinematics needs the points that carry it",
-        });
+        let why = "the inverse kinematics needs the points that carry it";
+        return Err(Error::missing(&mechanism.name, "platform", why));
     }
     let mut bare = held_at(mechanism, pose, None);
     bare.closures = touches(mechanism, pose, None).map(|(_, closure)| closure).collect();

@@ -42,7 +42,7 @@ impl Model {
     /// holds a point which moves; without those that chains carry or an instrument measures.
     fn held(&self, closure: &Closure) -> Vec<(String, bool, End)> {
         let Ok(ends) = ends(&self.mechanism, closure, &self.owned) else { return Vec::new() };
-        let points = closure.kind.facts().between() == [Part::Point; 2];
+        let points = closure.kind.facts().between == [Part::Point; 2];
         if !points || !ends.iter().any(|end| matches!(end, End::Posed(_))) {
             return Vec::new();
         }

@@ -6,7 +6,7 @@ use crate::Error;
 use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
 use crate::mechanism::{Closure, Mechanism, Target, Value};
 use crate::model::compiled::{
-    Added, CompiledClosure, ElectronicsAt, Gate, Gating, LoadAt, Model, SensorAt, ShapeAt,
+    Added, CompiledClosure, Gate, Gating, LoadAt, Model, ShapeAt, TermAt,
 };
 use crate::model::drives::Drives;
 use crate::model::ends::{self, MovedEnd, Moving, Only};
@@ -47,8 +47,7 @@ impl Model {
         readings: &Readings,
         instances: Vec<Instance>,
     ) -> Result<Self, Error> {
-        let centre = readings.mean.clone();
-        Self::about(mechanism, readings, instances, &centre)
+        Self::about(None, mechanism, readings, instances, &readings.mean)
     }
 
     /// As [`Model::new`], with offsets at reading zero, as in the paper.
@@ -64,30 +63,17 @@ impl Model {
         for instance in &instances {
             provided(instance.term, mechanism, readings)?;
         }
-        Self::compile(mechanism, readings, instances, &vec![0.0; mechanism.channels.len()])
+        let zero = vec![0.0; mechanism.channels.len()];
+        Self::compile(mechanism, readings, instances, &zero, mechanism)
     }
 
-    /// As [`Model::new`], with offsets at the readings `centre`, one per channel.
+    /// As [`Model::new`], with offsets at the readings `centre`, one per channel, and with the redundant
+    /// equations of an `earlier` model of the mechanism left out: the same in all models of a search.
     ///
     /// # Errors
     ///
     /// As [`Model::new`], and [`Error::Shape`] unless `centre` has one reading per channel.
     pub fn about(
-        mechanism: &Mechanism,
-        readings: &Readings,
-        instances: Vec<Instance>,
-        centre: &[f64],
-    ) -> Result<Self, Error> {
-        Self::about_as(None, mechanism, readings, instances, centre)
-    }
-
-    /// As [`Model::about`], with the redundant equations of an earlier model of the mechanism left
-    /// out: the same in all models of a search.
-    ///
-    /// # Errors
-    ///
-    /// As [`Model::about`].
-    pub(crate) fn about_as(
         earlier: Option<&Self>,
         mechanism: &Mechanism,
         readings: &Readings,
@@ -100,12 +86,12 @@ impl Model {
         for instance in instances.iter().filter(|i| !i.is_past()) {
             provided(instance.term, mechanism, readings)?;
         }
-        let mut model = Self::compile(mechanism, readings, instances, centre)?;
+        let mut model = Self::compile(mechanism, readings, instances, centre, mechanism)?;
         model.leave_out_equations(earlier, readings);
         Ok(model)
     }
 
-    /// As [`Model::about_as`], with instances that were made for the mechanism: they are not checked
+    /// As [`Model::about`], with instances that were made for the mechanism: they are not checked
     /// again.
     pub(crate) fn with_candidates(
         earlier: &Self,
@@ -129,7 +115,7 @@ impl Model {
         readings: &Readings,
         instances: Vec<Instance>,
     ) -> Result<Self, Error> {
-        Self::compile(mechanism, readings, instances, &readings.mean)
+        Self::compile(mechanism, readings, instances, &readings.mean, mechanism)
     }
 
     /// The same terms and parameters with other closures and readings.
@@ -154,8 +140,7 @@ impl Model {
     ) -> Result<Self, Error> {
         let centre: Vec<f64> = self.scales.iter().map(|s| s.centre).collect();
         let instances = self.instances.clone();
-        let mut model =
-            Self::compile_held(mechanism, readings, instances, &centre, &self.mechanism)?;
+        let mut model = Self::compile(mechanism, readings, instances, &centre, &self.mechanism)?;
         model.scales.clone_from(&self.scales);
         // Tilts count from the same axes.
         for (number, unknown) in model.unknowns.iter().enumerate() {
@@ -183,17 +168,8 @@ impl Model {
         Ok(drawn.torques_at(readings, settled))
     }
 
+    /// Closures beyond those of `held_by` bear no weight.
     fn compile(
-        mechanism: &Mechanism,
-        readings: &Readings,
-        instances: Vec<Instance>,
-        centre: &[f64],
-    ) -> Result<Self, Error> {
-        Self::compile_held(mechanism, readings, instances, centre, mechanism)
-    }
-
-    /// As [`Model::compile`], where closures beyond those of `held_by` bear no weight.
-    fn compile_held(
         mechanism: &Mechanism,
         readings: &Readings,
         instances: Vec<Instance>,
@@ -292,30 +268,16 @@ impl Model {
             };
             match instance.term.acts() {
                 Acts::Sensor(term) => {
-                    let suited = suited(&self.mechanism, instance);
-                    self.sensors.extend(suited.map(|channel| SensorAt {
-                        term,
-                        channel,
-                        place,
-                        session,
-                        first,
-                        width,
-                    }));
+                    let at = |channel| TermAt { term, channel, place, session, first, width };
+                    self.sensors.extend(suited(&self.mechanism, instance).map(at));
                 }
                 Acts::Coupled(term) => {
                     let at = LawAt::each(&self.mechanism, instance, term, first, session);
                     self.laws.extend(at);
                 }
                 Acts::Electronics(term) => {
-                    let suited = suited(&self.mechanism, instance);
-                    self.electronics.extend(suited.map(|channel| ElectronicsAt {
-                        term,
-                        channel,
-                        place,
-                        session,
-                        first,
-                        width,
-                    }));
+                    let at = |channel| TermAt { term, channel, place, session, first, width };
+                    self.electronics.extend(suited(&self.mechanism, instance).map(at));
                 }
                 Acts::Load(whose) => {
                     let chains = |c: &usize| self.mechanism.chain_of(*c);
@@ -427,7 +389,7 @@ impl Model {
             if !is_here(instance.target) {
                 continue;
             }
-            let gate = self.gates.iter().position(|gate| gate.instance == number);
+            let gate = self.gate_of(number);
             for (k, (at, axis, way)) in freedoms.iter().enumerate() {
                 if *at == spot {
                     let source = match gate {
@@ -438,6 +400,11 @@ impl Model {
                 }
             }
         }
+    }
+
+    /// What the motion of an instance is multiplied by in each sample, among the gates.
+    fn gate_of(&self, number: usize) -> Option<usize> {
+        self.gates.iter().position(|gate| gate.instance == number)
     }
 
     fn compile_closures(&mut self, readings: &Readings) -> Result<(), Error> {
@@ -500,7 +467,7 @@ impl Model {
         let instances = self.instances.iter().zip(&self.first).enumerate();
         let moved = |(number, (instance, &first)): (usize, (&Instance, &usize))| {
             let only = self.at_closure(instance.target, closure)?;
-            let gate = self.gates.iter().position(|gate| gate.instance == number);
+            let gate = self.gate_of(number);
             let acts = matches!(instance.term.acts(), Acts::End);
             acts.then_some(MovedEnd { end, first, gate, only })
         };
@@ -531,7 +498,7 @@ impl Model {
         let instances = self.instances.iter().zip(&self.first).enumerate();
         let shape = |(number, (instance, &first)): (usize, (&Instance, &usize))| {
             let Acts::Surface(term) = instance.term.acts() else { return None };
-            let gate = self.gates.iter().position(|gate| gate.instance == number);
+            let gate = self.gate_of(number);
             let width = instance.width();
             let only = self.at_closure(instance.target, closure)?;
             Some(ShapeAt { term, first, width, gate, only })
@@ -545,10 +512,9 @@ impl Model {
             matches!(i.term.acts(), Acts::Distance) && i.target == Target::Closure(closure)
         };
         let instances = self.instances.iter().zip(&self.first).enumerate();
-        let added = instances.filter(|(_, (i, _))| own(i)).map(|(number, (_, &parameter))| Added {
-            parameter,
-            gate: self.gates.iter().position(|g| g.instance == number),
-        });
+        let added = instances
+            .filter(|(_, (i, _))| own(i))
+            .map(|(number, (_, &parameter))| Added { parameter, gate: self.gate_of(number) });
         added.collect()
     }
 
@@ -625,13 +591,9 @@ pub(crate) const SHARES: &str = "torque of drives that may work against each oth
 
 /// Refuses readings of another mechanism, and a `centre` without one reading per channel.
 fn fits(mechanism: &Mechanism, readings: &Readings, centre: &[f64]) -> Result<(), Error> {
-    let same = |what: &str, found: usize, expected: usize| {
-        let what = what.into();
-        if found == expected { Ok(()) } else { Err(Error::Shape { what, found, expected }) }
-    };
     let channels = mechanism.channels.len();
-    same("a row", readings.channels, channels)?;
-    same("centre", centre.len(), channels)?;
-    same("keys", readings.table.keys.len(), mechanism.key_columns().len())?;
-    same("columns", readings.table.columns.len(), mechanism.value_columns().len())
+    Error::same("a row", readings.channels, channels)?;
+    Error::same("centre", centre.len(), channels)?;
+    Error::same("keys", readings.table.keys.len(), mechanism.key_columns().len())?;
+    Error::same("columns", readings.table.columns.len(), mechanism.value_columns().len())
 }

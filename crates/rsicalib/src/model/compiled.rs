@@ -115,20 +115,10 @@ impl CompiledClosure {
     }
 }
 
+/// A term of a sensor or of electronics, at a channel.
 #[derive(Clone, Copy)]
-pub(crate) struct SensorAt {
-    pub(crate) term: &'static dyn Sensor,
-    pub(crate) channel: usize,
-    pub(crate) place: usize,
-    /// The session in which the term acts, where there are several.
-    pub(crate) session: Option<usize>,
-    pub(crate) first: usize,
-    pub(crate) width: usize,
-}
-
-#[derive(Clone, Copy)]
-pub(crate) struct ElectronicsAt {
-    pub(crate) term: &'static dyn Electronics,
+pub(crate) struct TermAt<T> {
+    pub(crate) term: T,
     pub(crate) channel: usize,
     pub(crate) place: usize,
     /// The session in which the term acts, where there are several.
@@ -230,8 +220,8 @@ pub struct Model {
     pub(crate) closures: Vec<CompiledClosure>,
     /// Coordinates of unknown points that null equations determine.
     pub(crate) held: Vec<Prior>,
-    pub(crate) sensors: Vec<SensorAt>,
-    pub(crate) electronics: Vec<ElectronicsAt>,
+    pub(crate) sensors: Vec<TermAt<&'static dyn Sensor>>,
+    pub(crate) electronics: Vec<TermAt<&'static dyn Electronics>>,
     pub(crate) gates: Vec<Gate>,
     pub(crate) loads: Vec<LoadAt>,
     /// Torques where loops are closed and some joints have no drive.

@@ -196,7 +196,7 @@ impl Configurations {
     pub(crate) fn sizes(&self, model: &Model) -> Vec<f64> {
         let size = |c: &CompiledClosure| match c.is_of_coordinates() {
             true => 1.0,
-            false => self.reach.powi(c.kind.facts().dimension()),
+            false => self.reach.powi(c.kind.facts().dimension),
         };
         let of = |c: &CompiledClosure| std::iter::repeat_n(size(c), c.equations());
         model.closures.iter().flat_map(of).collect()
@@ -554,7 +554,7 @@ pub(crate) fn apart(link: &Prior, beta: &[f64]) -> (f64, Vec<(usize, f64)>) {
 /// The end of points that touch which an instrument sees.
 fn seen(closure: &CompiledClosure) -> Option<usize> {
     let of = |end: &End| matches!(end, End::Seen(..));
-    closure.ends.iter().position(of).filter(|_| closure.kind.facts().is_vector())
+    closure.ends.iter().position(of).filter(|_| closure.kind.facts().is_vector)
 }
 
 /// Distances and points seen that the readings would bring along, after [`Model::evaluate`].

@@ -237,7 +237,7 @@ pub(crate) fn ends(
     closure: &Closure,
     owned: &[Owned],
 ) -> Result<[End; 2], Error> {
-    let [one, other] = closure.kind.facts().between();
+    let [one, other] = closure.kind.facts().between;
     let end = |part: Part, name: &str| match part {
         Part::Point => point(mechanism, name, owned),
         Part::Plane => Ok(End::Fixed([0.0; 3])),

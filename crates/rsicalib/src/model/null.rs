@@ -44,7 +44,7 @@ impl Model {
     /// Leaves out equations that nothing can violate.
     pub(crate) fn leave_out_null_equations(&mut self, readings: &Readings) {
         let touches: Vec<usize> = (0..self.closures.len())
-            .filter(|&k| self.closures[k].kind.facts().is_vector())
+            .filter(|&k| self.closures[k].kind.facts().is_vector)
             .filter(|&k| !self.tells_of_places(k))
             .filter(|&k| self.unknown_of(k).is_none_or(|point| self.touched_once(point)))
             .collect();

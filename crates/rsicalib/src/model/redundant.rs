@@ -212,7 +212,7 @@ fn turned(closure: &CompiledClosure, redundant: &mut [DMatrix<f64>]) -> Vec<[f64
     let axes = closure.along.clone().unwrap_or_else(|| {
         (0..closure.equations()).map(|k| [0, 1, 2].map(|i| f64::from(u8::from(i == k)))).collect()
     });
-    if !closure.kind.facts().is_vector() || axes.len() < 2 {
+    if !closure.kind.facts().is_vector || axes.len() < 2 {
         return axes;
     }
     let (first, n) = (closure.equation, axes.len());

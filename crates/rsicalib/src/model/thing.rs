@@ -158,7 +158,7 @@ impl Thing {
 
     /// What a closure names as its second, where it is a plane or a line.
     pub(super) fn touched(mechanism: &Mechanism, closure: &Closure) -> Option<Self> {
-        let (part, name) = (closure.kind.facts().between()[1], &closure.between[1]);
+        let (part, name) = (closure.kind.facts().between[1], &closure.between[1]);
         let index = mechanism.index_of(part, name).ok()?;
         match part {
             Part::Plane => Some(Self::Plane(index)),

@@ -198,7 +198,7 @@ impl Model {
             let seen = readings.columns(block);
             self.spheres_of(readings, block, beta, &ws, &mut touched);
             let at = |end: &End| self.end_point(end, meta.group, seen, beta, &ws);
-            for closure in self.closures.iter().filter(|c| c.kind.facts().is_vector()) {
+            for closure in self.closures.iter().filter(|c| c.kind.facts().is_vector) {
                 let lanes = |at: &Vec3| -> Vec<Vector3<f64>> {
                     let lanes = readings.lanes(block, closure.number);
                     lanes.map(|lane| Vector3::from_fn(|i, _| at[i].0[lane])).collect()
@@ -262,7 +262,7 @@ impl Model {
     ) {
         let (meta, seen) = (&readings.blocks()[block], readings.columns(block));
         let lengths = |closure: &&CompiledClosure| {
-            closure.kind.facts().given() == Given::Value && closure.equations() > 0
+            closure.kind.facts().given == Given::Value && closure.equations() > 0
         };
         for closure in self.closures.iter().filter(lengths) {
             let (number, other) = match closure.ends {

@@ -153,12 +153,9 @@ pub fn rms_misclosure(
     table: Table,
     counted: &[bool],
 ) -> Result<Option<f64>, Error> {
-    let under = Under::new(mechanism, applied, table)?;
+    let under = Under::new(mechanism, applied, table, &[])?;
     let (model, readings) = (&under.model, &under.readings);
-    if counted.len() != readings.samples {
-        let (what, found) = ("counted rows".into(), counted.len());
-        return Err(Error::Shape { what, found, expected: readings.samples });
-    }
+    Error::same("counted rows", counted.len(), readings.samples)?;
     let unknown = model.parameters > model.term_parameters || model.pose_unknowns() > 0;
     if unknown || !model.is_of_lengths() || !counted.contains(&true) {
         return Ok(None);
@@ -184,7 +181,7 @@ pub fn closing(
     Scale { residual, dof, correlation }: Scale,
 ) -> Result<Option<Closing>, Error> {
     let SomePoses { table, whole } = readings;
-    let mut under = match Under::new(mechanism, applied, table) {
+    let mut under = match Under::new(mechanism, applied, table, &[]) {
         Err(Error::Missing { .. } | Error::Context { .. }) => return Ok(None),
         under => under?,
     };

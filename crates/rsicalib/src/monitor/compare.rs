@@ -163,7 +163,7 @@ pub fn compare(
 ) -> Result<Comparison, Error> {
     let noise = &judged.noise;
     let mechanism = &observations.mechanism;
-    let mut watched = Watched::new(mechanism, earlier, covariance, candidates(mechanism))?;
+    let mut watched = Watched::new(mechanism, earlier, covariance, candidates(mechanism), &[])?;
     let session = Session::of(observations, judged, &watched)?;
     let mut seen = Seen::new(mechanism.channels.len());
     session.used.iter().for_each(|&row| seen.see(session.rows.row(row)));

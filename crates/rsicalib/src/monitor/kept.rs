@@ -172,31 +172,25 @@ macro_rules! fields {
 }
 pub(crate) use fields;
 
-impl Keep for Spec {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.term, self.target, self.place);
-    }
+/// Makes a value part of a state: `keep!(Type: first, second)` passes its fields in this order.
+macro_rules! keep {
+    ($type:ident: $($field:ident),+) => {
+        impl $crate::monitor::kept::Keep for $type {
+            fn keep(&mut self, bytes: &mut $crate::monitor::kept::Bytes) {
+                $crate::monitor::kept::fields!(bytes, $(self.$field),+);
+            }
+        }
+    };
 }
+pub(crate) use keep;
 
-impl Keep for PlatformRms {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.position, self.orientation);
-    }
-}
-
-impl Keep for Change {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.name, self.value, self.sd, self.unit);
-    }
-}
-
-impl Keep for Alarm {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.row, self.time, self.since_row, self.since, self.spec, self.size);
-        fields!(bytes, self.sd, self.unit, self.rate, self.parameters, self.platform_rms);
-        fields!(bytes, self.p_value, self.also_fits, self.revises, self.action);
-    }
-}
+keep!(Spec: term, target, place);
+keep!(PlatformRms: position, orientation);
+keep!(Change: name, value, sd, unit);
+keep!(
+    Alarm: row, time, since_row, since, spec, size, sd, unit, rate, parameters, platform_rms,
+    p_value, also_fits, revises, action
+);
 
 impl Keep for Action {
     fn keep(&mut self, bytes: &mut Bytes) {

@@ -42,9 +42,7 @@ impl MonitorOptions {
     ///
     /// [`Error::Option`] with what was found and what was expected.
     pub(crate) fn check(&self) -> Result<(), Error> {
-        let refuse = |name, found: f64, expected: &str| {
-            Err(Error::Option { name, found: found.to_string(), expected: expected.into() })
-        };
+        let refuse = |name, found: f64, expected: &str| Err(Error::option(name, found, expected));
         let Quiet { dof, correlation, interval } = self.quiet;
         if self.false_alarms.is_nan() || self.false_alarms <= 0.0 || self.false_alarms > 0.01 {
             return refuse("false_alarms", self.false_alarms, "a rate per sample in (0, 0.01]");

@@ -1,7 +1,7 @@
 //! Rows on their way in: unreadable, repeated, late and missing ones.
 
 use crate::mechanism::Channel;
-use crate::monitor::kept::{Bytes, Keep, fields};
+use crate::monitor::kept::keep;
 
 /// Rows of a watch, by what became of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -126,15 +126,5 @@ impl Order {
     }
 }
 
-impl Keep for Order {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.last, self.time, self.interval, self.broken);
-    }
-}
-
-impl Keep for Counts {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.rows, self.used, self.unreadable, self.repeated, self.late);
-        fields!(bytes, self.missing, self.outliers, self.silent, self.alarms);
-    }
-}
+keep!(Order: last, time, interval, broken);
+keep!(Counts: rows, used, unreadable, repeated, late, missing, outliers, silent, alarms);

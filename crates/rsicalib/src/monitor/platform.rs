@@ -4,7 +4,7 @@ use crate::apply::change::PlatformRms;
 use crate::apply::check::{Check, error_of};
 use crate::apply::poses::poses_of;
 use crate::estimate::Noise;
-use crate::monitor::kept::{Bytes, Keep, fields};
+use crate::monitor::kept::keep;
 use crate::monitor::watched::Watched;
 use crate::readings::{Readings, Table};
 
@@ -106,8 +106,4 @@ fn between(before: Vec<[f64; 6]>, after: Vec<[f64; 6]>) -> Option<PlatformRms> {
     Some(PlatformRms { position: position_rms, orientation: orientation_rms? })
 }
 
-impl Keep for Seen {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.rows, self.every, self.count);
-    }
-}
+keep!(Seen: rows, every, count);

@@ -1,6 +1,6 @@
 //! The last rows, to look at a change again once it is known better.
 
-use crate::monitor::kept::{Bytes, Keep, fields};
+use crate::monitor::kept::keep;
 
 /// Rows that are kept.
 const KEPT_ROWS: usize = 512;
@@ -82,11 +82,7 @@ impl Recent {
     }
 }
 
-impl Keep for Recent {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.readings, self.times, self.numbers, self.next);
-    }
-}
+keep!(Recent: readings, times, numbers, next);
 
 #[cfg(test)]
 mod tests {

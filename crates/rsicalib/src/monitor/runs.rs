@@ -1,6 +1,6 @@
 //! Readings that repeat: a channel is stuck where one does for longer than chance lets it.
 
-use crate::monitor::kept::{Bytes, Keep, fields};
+use crate::monitor::kept::keep;
 use crate::readings::repeating::Repeating;
 
 /// Readings that repeat: how long each channel has, while others move.
@@ -71,11 +71,7 @@ impl Runs {
     }
 }
 
-impl Keep for Runs {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.last, self.length, self.began, self.repeats, self.chances);
-    }
-}
+keep!(Runs: last, length, began, repeats, chances);
 
 #[cfg(test)]
 mod tests {

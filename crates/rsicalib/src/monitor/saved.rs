@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use crate::Error;
 use crate::monitor::alarm::Alarm;
 use crate::monitor::drift::Drift;
-use crate::monitor::kept::{Bytes, Keep, fields};
+use crate::monitor::kept::{Bytes, Keep, fields, keep};
 use crate::monitor::open::{Kind, Kinds, Open, Suspected};
 use crate::monitor::watching::Monitor;
 
@@ -91,29 +91,10 @@ impl Keep for Monitor {
     }
 }
 
-impl Keep for Drift {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.own, self.base, self.since);
-    }
-}
-
-impl Keep for Kind {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.candidate, self.drifts);
-    }
-}
-
-impl Keep for Kinds {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.first, self.second);
-    }
-}
-
-impl Keep for Suspected {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.candidate, self.columns, self.drifts);
-    }
-}
+keep!(Drift: own, base, since);
+keep!(Kind: candidate, drifts);
+keep!(Kinds: first, second);
+keep!(Suspected: candidate, columns, drifts);
 
 impl Default for Open {
     fn default() -> Self {
@@ -129,9 +110,4 @@ impl Default for Open {
     }
 }
 
-impl Keep for Open {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.suspects, self.named, self.places, self.width, self.was);
-        fields!(bytes, self.known, self.alarm);
-    }
-}
+keep!(Open: suspects, named, places, width, was, known, alarm);

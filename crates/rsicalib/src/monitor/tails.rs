@@ -20,7 +20,7 @@
 //! Levels have tails of their own. What one level shows is known beforehand at the next
 //! with half the weight, as the sum over twice as many samples is closer to normal.
 
-use crate::monitor::kept::{Bytes, Keep, fields};
+use crate::monitor::kept::keep;
 
 /// Windows beyond `u` for which normal noise counts beforehand, `n₀` and `s₀`.
 const NORMAL: f64 = 20.0;
@@ -75,11 +75,7 @@ impl Tails {
     }
 }
 
-impl Keep for Tails {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.seen);
-    }
-}
+keep!(Tails: seen);
 
 #[cfg(test)]
 mod tests {

@@ -21,7 +21,7 @@
 //! statistic of a test is taken to be better known than that.
 
 use crate::mechanism::Mechanism;
-use crate::monitor::kept::{Bytes, Keep, fields};
+use crate::monitor::kept::keep;
 use crate::monitor::place::Place;
 use crate::monitor::recent::Linearised;
 use crate::monitor::state::{axpy, dot};
@@ -320,11 +320,7 @@ impl Watched {
     }
 }
 
-impl Keep for Unsteady {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.place, self.deviation, self.known, self.since);
-    }
-}
+keep!(Unsteady: place, deviation, known, since);
 
 #[cfg(test)]
 mod tests {

@@ -66,8 +66,8 @@ impl Monitor {
         let mut watched = Watched::at_work(mechanism, applied, covariance)?;
         watched.places = places(mechanism, &watched);
         if watched.uncertain == 0 {
-            let what = "the covariance of the calibration".into();
-            return Err(Error::Shape { what, found: 0, expected: applied.parameters.len().pow(2) });
+            let expected = applied.parameters.len().pow(2);
+            return Err(Error::shape("the covariance of the calibration", 0, expected));
         }
         let (equations, width) = (watched.under.model.equations(), watched.order.len());
         let state = State::new(watched.prior.clone(), watched.uncertain, width, equations);
@@ -134,14 +134,8 @@ impl Monitor {
     pub fn update_all(&mut self, values: &[f64], times: Option<&[f64]>) -> Result<&[Alarm], Error> {
         let channels = self.watched.under.model.scales.len();
         let rows = values.len() / channels;
-        let shape =
-            |what: &str, found, expected| Error::Shape { what: what.into(), found, expected };
-        if !values.len().is_multiple_of(channels) {
-            return Err(shape("values", values.len(), (rows + 1) * channels));
-        }
-        if let Some(found) = times.map(<[f64]>::len).filter(|found| *found != rows) {
-            return Err(shape("time", found, rows));
-        }
+        Error::same("values", values.len(), values.len().next_multiple_of(channels))?;
+        Error::same("time", times.map_or(rows, <[f64]>::len), rows)?;
         self.alarms.clear();
         let mut block = [Tested { row: 0, time: None, gap: None }; WIDTH];
         let mut full = 0;

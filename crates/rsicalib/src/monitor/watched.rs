@@ -58,17 +58,6 @@ pub(crate) struct Candidate {
 }
 
 impl Watched {
-    /// Compiles the model with the changes to test; `covariance` is that of the calibration's
-    /// parameters, row by row.
-    pub(crate) fn new(
-        mechanism: &Mechanism,
-        applied: &Applied,
-        covariance: Option<&[f64]>,
-        specs: Vec<Spec>,
-    ) -> Result<Self, Error> {
-        Self::build(mechanism, applied, covariance, specs, &[])
-    }
-
     /// As [`Watched::new`], with all that may change at work, at once or little by little.
     pub(crate) fn at_work(
         mechanism: &Mechanism,
@@ -76,12 +65,13 @@ impl Watched {
         covariance: &[f64],
     ) -> Result<Self, Error> {
         let (specs, more) = (changes(mechanism), gains(mechanism));
-        let own = Self::build(mechanism, applied, Some(covariance), specs, &more)?;
+        let own = Self::new(mechanism, applied, Some(covariance), specs, &more)?;
         Ok(own.with_factors(mechanism).with_drifts())
     }
 
-    /// The model has the terms `more`, too, which are no candidates.
-    fn build(
+    /// Compiles the model with the changes to test; `covariance` is that of the calibration's
+    /// parameters, row by row. The model has the terms `more`, too, which are no candidates.
+    pub(crate) fn new(
         mechanism: &Mechanism,
         applied: &Applied,
         covariance: Option<&[f64]>,
@@ -91,7 +81,7 @@ impl Watched {
         refuse(mechanism)?;
         refuse_context(mechanism, applied)?;
         let terms: Vec<Spec> = specs.iter().chain(more).cloned().collect();
-        let under = Under::with_terms(mechanism, applied, spread(mechanism, applied), &terms)?;
+        let under = Under::new(mechanism, applied, spread(mechanism, applied), &terms)?;
         let internal = internal_covariance(&under, covariance)?;
         let model = &under.model;
         let mut order: Vec<usize> =
@@ -135,7 +125,7 @@ impl Watched {
         }
         if order.is_empty() {
             let (needs, why) = ("parameter that may change", "the watch tests what has changed");
-            return Err(Error::Missing { mechanism: mechanism.name.clone(), needs, why });
+            return Err(Error::missing(&mechanism.name, needs, why));
         }
         let at = under.internal(&under.values);
         let (factors, drifts, places) = (Vec::new(), Vec::new(), Vec::new());
@@ -299,7 +289,7 @@ fn refuse(mechanism: &Mechanism) -> Result<(), Error> {
     } else {
         return Ok(());
     };
-    Err(Error::Missing { mechanism: mechanism.name.clone(), needs, why })
+    Err(Error::missing(&mechanism.name, needs, why))
 }
 
 /// Refuses terms that the channels of one row do not tell.
@@ -317,11 +307,9 @@ fn refuse_context(mechanism: &Mechanism, applied: &Applied) -> Result<(), Error>
             false => "calibrate or trace without it",
         };
         let target = spec.target.as_ref().map_or(String::new(), |target| format!(" of {target}"));
-        return Err(Error::Option {
-            name: "calibration",
-            found: format!("{}{target} (needs {})", spec.term, needs.words()),
-            expected: format!("terms that the channels of one row tell: {next}"),
-        });
+        let found = format!("{}{target} (needs {})", spec.term, needs.words());
+        let expected = format!("terms that the channels of one row tell: {next}");
+        return Err(Error::option("calibration", found, expected));
     }
     Ok(())
 }
@@ -383,10 +371,7 @@ pub(crate) fn internal_covariance(
 ) -> Result<DMatrix<f64>, Error> {
     let (n, p) = (under.values.len(), under.model.parameters);
     let Some(covariance) = covariance else { return Ok(DMatrix::zeros(p, p)) };
-    if covariance.len() != n * n {
-        let (what, found) = ("covariance".into(), covariance.len());
-        return Err(Error::Shape { what, found, expected: n * n });
-    }
+    Error::same("covariance", covariance.len(), n * n)?;
     let known = |i: usize| (0..n).all(|j| covariance[i * n + j].is_finite());
     let finite =
         |i: usize, j: usize| if known(i) && known(j) { covariance[i * n + j] } else { 0.0 };

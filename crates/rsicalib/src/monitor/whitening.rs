@@ -11,7 +11,7 @@
 //! derivatives pass through the same filter. Mains hum, a filter before the converter and
 //! noise with rounding on top are close to such a process.
 
-use crate::monitor::kept::{Bytes, Keep, fields};
+use crate::monitor::kept::keep;
 use crate::monitor::state::{axpy, dot};
 
 /// Order of the autoregression.
@@ -172,12 +172,7 @@ impl Whitening {
     }
 }
 
-impl Keep for Whitening {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.weight, self.products, self.residuals, self.past);
-        fields!(bytes, self.known, self.distance, self.filters);
-    }
-}
+keep!(Whitening: weight, products, residuals, past, known, distance, filters);
 
 #[cfg(test)]
 mod tests {

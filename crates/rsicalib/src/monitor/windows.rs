@@ -5,7 +5,7 @@
 //! `2^(z+3)` samples, one every `2^(z+2)`. The sums at those samples are kept, three of each level,
 //! and the sums within a window are differences.
 
-use crate::monitor::kept::{Bytes, Keep, fields};
+use crate::monitor::kept::{Bytes, Keep, fields, keep};
 use crate::monitor::state::{axpy, dot};
 
 /// Sums that are kept of a level: at the end of a window, in its middle, and where it begins.
@@ -209,17 +209,8 @@ impl Keep for Windows {
     }
 }
 
-impl Keep for Sums {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.products, self.scores, self.mark);
-    }
-}
-
-impl Keep for Mark {
-    fn keep(&mut self, bytes: &mut Bytes) {
-        fields!(bytes, self.samples, self.row, self.time);
-    }
-}
+keep!(Sums: products, scores, mark);
+keep!(Mark: samples, row, time);
 
 #[cfg(test)]
 mod tests {

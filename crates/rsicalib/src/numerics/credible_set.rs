@@ -1,4 +1,4 @@
-//! Probabilities and credible sets of several explanations.
+//! Probabilities of several explanations, and what counts as a rival.
 
 /// An effect fits as well as the named one where its refitted χ², with extra parameters charged,
 /// is within this of the best.
@@ -31,25 +31,9 @@ pub fn probabilities<T: PartialEq + Copy>(scores: &[(f64, T)]) -> Vec<(T, f64)> 
     targets
 }
 
-/// True for each rival in the credible set. The set takes targets by falling probability until
-/// their sum reaches [`SURE`], and within these targets the scores within [`AS_WELL`] of the best.
-#[must_use]
-pub fn credible<T: PartialEq + Copy>(scores: &[(f64, T)]) -> Vec<bool> {
-    let best = scores.iter().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
-    let mut targets = probabilities(scores);
-    let mut before = 0.0;
-    targets.retain(|t| {
-        let needed = before < SURE;
-        before += t.1;
-        needed
-    });
-    let kept = |target: &T| targets.iter().any(|t| t.0 == *target);
-    scores.iter().map(|(value, target)| *value > best - AS_WELL && kept(target)).collect()
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{credible, probabilities};
+    use super::probabilities;
 
     /// A likelihood ratio in units of χ².
     fn times(ratio: f64) -> f64 {
@@ -63,16 +47,5 @@ mod tests {
         assert_eq!(found.iter().map(|f| f.0).collect::<String>(), "ab");
         assert!((found[0].1 - 0.75).abs() < 1e-12 && (found[1].1 - 0.25).abs() < 1e-12);
         assert!(probabilities::<char>(&[]).is_empty());
-    }
-
-    #[test]
-    fn targets_are_listed_until_they_are_sure_to_hold_the_truth() {
-        let of = |ratios: [f64; 3]| {
-            credible(&[(times(ratios[0]), 0), (times(ratios[1]), 1), (times(ratios[2]), 2)])
-        };
-        assert_eq!(of([9.0, 0.5, 0.5]), [true, false, false]);
-        assert_eq!(of([7.0, 2.0, 1.0]), [true, true, false]);
-        // A rival that is unlikely beside the best of its own target is not listed.
-        assert_eq!(credible(&[(7.0, 0), (0.5, 0)]), [true, false]);
     }
 }

@@ -123,9 +123,8 @@ pub fn common_shifts(
 }
 
 fn common_shift(devices: &[(f64, f64)], levels: &[Vec<usize>]) -> Result<Option<Shift>, Error> {
-    if let Some(level) = levels.iter().find(|level| level.len() != devices.len()) {
-        let what = "groups of a level".into();
-        return Err(Error::Shape { what, found: level.len(), expected: devices.len() });
+    for level in levels {
+        Error::same("groups of a level", level.len(), devices.len())?;
     }
     let known = |d: &(f64, f64)| d.0.is_finite() && d.1.is_finite() && d.1 > 0.0;
     let least = devices.iter().filter(|d| known(d)).map(|d| d.1).fold(f64::INFINITY, f64::min);

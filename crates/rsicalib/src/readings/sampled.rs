@@ -38,10 +38,7 @@ pub fn means_of_samples(
     seed: u64,
 ) -> Result<Vec<f64>, Error> {
     let channels: Vec<Electronics> = mechanism.channels.iter().map(Electronics::of).collect();
-    if !exact.len().is_multiple_of(channels.len().max(1)) {
-        let (found, whole) = (exact.len(), exact.len().div_ceil(channels.len()));
-        return Err(Error::Shape { what: "exact".into(), found, expected: whole * channels.len() });
-    }
+    Error::same("exact", exact.len(), exact.len().next_multiple_of(channels.len().max(1)))?;
     let (mut means, mut normals) = (vec![0.0; exact.len()], Normals::new(seed));
     let mut of_channels = channels.iter().copied().cycle();
     for (means, exact) in means.chunks_mut(WIDTH).zip(exact.chunks(WIDTH)) {

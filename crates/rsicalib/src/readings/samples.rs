@@ -16,7 +16,7 @@ use crate::readings::context::{STRETCH, direction, is_motion, sides, standstills
 use crate::readings::course::{CourseAt, Courses};
 use crate::readings::doubled::doubled;
 use crate::readings::holding::Holding;
-use crate::readings::table::{Part, Table, mean_of};
+use crate::readings::table::{Part, Table, average, mean_of};
 use crate::readings::way::{Memories, Memory, Visits};
 
 /// Temperatures this near to the one they count from show nothing of it [K].
@@ -137,9 +137,7 @@ impl Readings {
         mechanism: &Mechanism,
         weights: &[f64],
     ) -> Result<(Self, Vec<f64>), Error> {
-        if weights.len() != self.samples {
-            return Err(shape("weights", weights.len(), self.samples));
-        }
+        Error::same("weights", weights.len(), self.samples)?;
         let rows_of_poses = self.rows_of_poses();
         let mut live = Vec::with_capacity(rows_of_poses.len());
         let mut used = Vec::with_capacity(rows_of_poses.len());
@@ -148,31 +146,9 @@ impl Readings {
             live.push(counted.len() as f64);
             used.push(if counted.is_empty() { rows } else { counted });
         }
-        let mean = |f: &dyn Fn(usize) -> f64| -> Vec<f64> {
-            used.iter().map(|u| u.iter().map(|&r| f(r)).sum::<f64>() / u.len() as f64).collect()
-        };
-        // Of what was not measured in some samples, the mean of the others.
-        let measured = |column: &Vec<f64>| -> Vec<f64> {
-            used.iter().map(|u| mean_of(u.iter().map(|&r| column[r]))).collect()
-        };
-        let channels = self.channels;
-        let by_channel: Vec<Vec<f64>> =
-            (0..channels).map(|c| mean(&|r| self.table.values[r * channels + c])).collect();
-        let table = Table {
-            values: (0..used.len()).flat_map(|p| by_channel.iter().map(move |c| c[p])).collect(),
-            pose: Some(self.labels.clone()),
-            time: self.table.time.as_ref().map(|t| mean(&|r| t[r])),
-            temperature: self.table.temperature.as_ref().map(|t| mean(&|r| t[r])),
-            session: self.table.session.as_ref().map(|s| used.iter().map(|u| s[u[0]]).collect()),
-            keys: self
-                .table
-                .keys
-                .iter()
-                .map(|k| used.iter().map(|u| k[u[0]].clone()).collect())
-                .collect(),
-            columns: self.table.columns.iter().map(measured).collect(),
-            part: self.table.part_of(used.iter().map(|u| u[0])),
-        };
+        let rows: Vec<_> = used.iter().map(|rows| rows.iter().copied()).collect();
+        let pose = Some(self.labels.clone());
+        let table = Table { pose, ..average(&self.table, self.channels, &rows) };
         let of_whole = |(whole, own): &(Arc<Self>, Vec<usize>)| {
             (whole.clone(), used.iter().map(|u| own[u[0]]).collect())
         };
@@ -365,11 +341,9 @@ impl Readings {
         let mut taken = Self::build(&bare, table, None, None, true)?;
         taken.still = standstills(&mechanism.channels);
         match rows.iter().find(|row| **row >= taken.samples) {
-            Some(row) => Err(shape("rows of the whole session", *row, taken.samples)),
-            None if rows.len() != samples => {
-                Err(shape("rows of a part of a session", rows.len(), samples))
-            }
-            None => Ok((taken.into(), rows.clone())),
+            Some(row) => Err(Error::shape("rows of the whole session", *row, taken.samples)),
+            None => Error::same("rows of a part of a session", rows.len(), samples)
+                .map(|()| (taken.into(), rows.clone())),
         }
     }
 
@@ -755,15 +729,11 @@ fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
         });
     }
     let samples = table.values.len() / channels;
-    if !table.values.len().is_multiple_of(channels) {
-        return Err(shape("values", table.values.len(), (samples + 1) * channels));
-    }
+    Error::same("values", table.values.len(), table.values.len().next_multiple_of(channels))?;
     if samples == 0 {
         return Err(Error::Empty("the table has no rows".into()));
     }
-    let same = |what: &str, found: usize| {
-        if found == samples { Ok(()) } else { Err(shape(what, found, samples)) }
-    };
+    let same = |what: &str, found: usize| Error::same(what, found, samples);
     same("pose", table.pose.as_ref().map_or(samples, Vec::len))?;
     same("time", table.time.as_ref().map_or(samples, Vec::len))?;
     same("temperature", table.temperature.as_ref().map_or(samples, Vec::len))?;
@@ -771,20 +741,15 @@ fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
     let last = table.session.iter().flatten().copied().max().unwrap_or(0);
     if last >= MOST_SESSIONS {
         let what = format!("the list of sessions, which ends with number {last},");
-        return Err(shape(&what, last.saturating_add(1), MOST_SESSIONS));
+        return Err(Error::shape(what, last.saturating_add(1), MOST_SESSIONS));
     }
     let keys = mechanism.key_columns();
-    if table.keys.len() != keys.len() {
-        return Err(shape(&format!("keys ({})", keys.join(", ")), table.keys.len(), keys.len()));
-    }
+    Error::same(&format!("keys ({})", keys.join(", ")), table.keys.len(), keys.len())?;
     for (name, column) in keys.iter().zip(&table.keys) {
         same(name, column.len())?;
     }
     let values = mechanism.value_columns();
-    if table.columns.len() != values.len() {
-        let what = format!("columns ({})", values.join(", "));
-        return Err(shape(&what, table.columns.len(), values.len()));
-    }
+    Error::same(&format!("columns ({})", values.join(", ")), table.columns.len(), values.len())?;
     for (name, column) in values.iter().zip(&table.columns) {
         same(name, column.len())?;
     }
@@ -825,10 +790,6 @@ fn usable(name: &str, column: &[f64], but: fn(f64) -> bool) -> Result<(), Error>
             high: LARGEST,
         }),
     }
-}
-
-fn shape(what: &str, found: usize, expected: usize) -> Error {
-    Error::Shape { what: what.into(), found, expected }
 }
 
 /// Numbers the poses of each session in order of appearance.

@@ -116,35 +116,33 @@ pub(super) fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
     sum / count
 }
 
-/// One row for each of these runs of rows, the mean of its rows.
+/// One row for each of these sets of rows, the mean of its rows.
 #[must_use]
-pub(crate) fn average(table: &Table, channels: usize, poses: &[Range<usize>]) -> Table {
-    let mean = |f: &dyn Fn(usize) -> f64, pose: &Range<usize>| {
-        pose.clone().map(f).sum::<f64>() / pose.len() as f64
-    };
+pub(crate) fn average<R: ExactSizeIterator<Item = usize> + Clone>(
+    table: &Table,
+    channels: usize,
+    poses: &[R],
+) -> Table {
+    let firsts: Vec<usize> = poses.iter().filter_map(|rows| rows.clone().next()).collect();
+    let mean =
+        |f: &dyn Fn(usize) -> f64, rows: &R| rows.clone().map(f).sum::<f64>() / rows.len() as f64;
     let column = |values: &Option<Vec<f64>>| {
         values.as_ref().map(|v| poses.iter().map(|p| mean(&|r| v[r], p)).collect::<Vec<f64>>())
     };
+    // Of what was not measured in some rows, the mean of the others.
+    let measured = |v: &Vec<f64>| poses.iter().map(|p| mean_of(p.clone().map(|r| v[r]))).collect();
     Table {
         values: poses
             .iter()
             .flat_map(|p| (0..channels).map(move |c| (p, c)))
             .map(|(p, c)| mean(&|r| table.values[r * channels + c], p))
             .collect(),
-        pose: table.pose.as_ref().map(|labels| poses.iter().map(|p| labels[p.start]).collect()),
+        pose: table.pose.as_ref().map(|labels| firsts.iter().map(|&r| labels[r]).collect()),
         time: column(&table.time),
         temperature: column(&table.temperature),
-        session: table.session.as_ref().map(|s| poses.iter().map(|p| s[p.start]).collect()),
-        keys: table
-            .keys
-            .iter()
-            .map(|k| poses.iter().map(|p| k[p.start].clone()).collect())
-            .collect(),
-        columns: table
-            .columns
-            .iter()
-            .map(|v| poses.iter().map(|p| mean_of(p.clone().map(|r| v[r]))).collect())
-            .collect(),
-        part: table.part_of(poses.iter().map(|p| p.start)),
+        session: table.session.as_ref().map(|s| firsts.iter().map(|&r| s[r]).collect()),
+        keys: table.keys.iter().map(|k| firsts.iter().map(|&r| k[r].clone()).collect()).collect(),
+        columns: table.columns.iter().map(measured).collect(),
+        part: table.part_of(firsts.into_iter()),
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::apply::accuracy::{PREDICTED, moved_by};
 use crate::estimate::between::{Between, Grouping, Halves};
-use crate::estimate::directions::{covariance_as_reported, parameter_names};
+use crate::estimate::directions::{as_reported, parameter_names};
 use crate::estimate::{Fit, Observations};
 use crate::numerics::symmetric::told;
 
@@ -102,7 +102,8 @@ pub fn report(observations: &Observations, fit: &Fit, between: &Between) -> Betw
             unit: name.unit,
         }
     });
-    let covariance = covariance_as_reported(fit, &between.covariance);
+    let (_, map) = as_reported(fit);
+    let covariance = &map * &between.covariance * map.transpose();
     let n = covariance.nrows();
     let known = |i, j| Some(covariance[(i, j)]).filter(|c: &f64| c.is_finite());
     BetweenReport {

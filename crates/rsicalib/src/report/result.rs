@@ -8,7 +8,7 @@ pub use crate::apply::known::Known;
 use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::verdict::Compared;
 use crate::estimate::directions::{
-    Directions, ParameterReport, covariance_as_reported, parameter_names, reported,
+    Directions, ParameterReport, as_reported, parameter_names, reported,
 };
 use crate::estimate::noise::source::Source;
 use crate::estimate::tried::{Gains, Origin, Try};
@@ -305,7 +305,8 @@ impl From<&Estimates> for Applied {
 pub fn parameters(observations: &Observations, fit: &Fit) -> Vec<ParameterReport> {
     let (values, covariance) = reported(fit);
     let mut parameters = parameter_names(observations, fit);
-    let between = fit.between.as_ref().map(|b| covariance_as_reported(fit, &b.covariance));
+    let (_, map) = as_reported(fit);
+    let between = fit.between.as_ref().map(|b| &map * &b.covariance * map.transpose());
     for (k, p) in parameters.iter_mut().enumerate() {
         p.value = values[k];
         let told = between.as_ref().filter(|_| !fit.unknowable[k]);

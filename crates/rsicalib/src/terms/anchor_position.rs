@@ -1,7 +1,7 @@
 //! [`AnchorPosition`].
 
 use crate::mechanism::{Mechanism, Point, Target};
-use crate::terms::term::{Acts, Info, Term};
+use crate::terms::term::{Acts, Term};
 
 term! {
     /// An anchor that stands elsewhere than drawn.
@@ -13,18 +13,10 @@ term! {
         x: "length" ~ 2.5e-3,
         y: "length" ~ 2.5e-3,
         z: "length" ~ 2.5e-3,
-    }
+    } acts Acts::End
 }
 
 impl Term for AnchorPosition {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::End
-    }
-
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
         let Target::Closure(closure) = target else { return false };
         let own = &mechanism.closures[closure];

@@ -2,7 +2,7 @@
 
 use crate::mechanism::Mechanism;
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Electronics, Info, Placed, Site, Term};
+use crate::terms::term::{Acts, Electronics, Placed, Site, Term};
 
 term! {
     /// A reading that is wrong in one pose.
@@ -11,18 +11,10 @@ term! {
     /// wiper that bounced, or a bit that flipped. The search tries every pose.
     BadReading("bad_reading", Data, per Channel, needs Nothing) {
         error: "reading" ~ 20.0,
-    }
+    } acts Acts::Electronics(&Self)
 }
 
 impl Term for BadReading {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Electronics(&Self)
-    }
-
     fn placed(&self) -> Placed {
         Placed::AtPose
     }

@@ -1,7 +1,7 @@
 //! [`BaseBearing`].
 
 use crate::kinematics::elements::{Axis, Way};
-use crate::terms::term::{Acts, Info, Spot, Term};
+use crate::terms::term::{Acts, Spot, Term};
 
 term! {
     /// A chain stands at another bearing of the common base.
@@ -10,15 +10,7 @@ term! {
     /// Denavit-Hartenberg angle of the chain's fixed row.
     BaseBearing("base_bearing", Geometry, per Chain, needs Nothing) {
         rz: "rad" ~ 4e-3,
-    }
+    } acts Acts::Geometry(&[(Spot::Base, Axis::Z, Way::Turn)])
 }
 
-impl Term for BaseBearing {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Geometry(&[(Spot::Base, Axis::Z, Way::Turn)])
-    }
-}
+impl Term for BaseBearing {}

@@ -1,7 +1,7 @@
 //! [`BasePosition`].
 
 use crate::kinematics::elements::{Axis, Way};
-use crate::terms::term::{Acts, Info, Spot, Term};
+use crate::terms::term::{Acts, Spot, Term};
 
 term! {
     /// The base of a chain stands elsewhere than drawn.
@@ -11,19 +11,11 @@ term! {
         x: "length" ~ 2.5e-3,
         y: "length" ~ 2.5e-3,
         z: "length" ~ 2.5e-3,
-    }
+    } acts Acts::Geometry(&[
+        (Spot::Base, Axis::X, Way::Slide),
+        (Spot::Base, Axis::Y, Way::Slide),
+        (Spot::Base, Axis::Z, Way::Slide),
+    ])
 }
 
-impl Term for BasePosition {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Geometry(&[
-            (Spot::Base, Axis::X, Way::Slide),
-            (Spot::Base, Axis::Y, Way::Slide),
-            (Spot::Base, Axis::Z, Way::Slide),
-        ])
-    }
-}
+impl Term for BasePosition {}

@@ -1,7 +1,7 @@
 //! [`BaseSlip`].
 
 use crate::kinematics::elements::{Axis, Way};
-use crate::terms::term::{Acts, Info, Placed, Spot, Term};
+use crate::terms::term::{Acts, Placed, Spot, Term};
 
 term! {
     /// A chain whose base moved once.
@@ -16,25 +16,17 @@ term! {
         rx: "rad" ~ 0.01,
         ry: "rad" ~ 0.01,
         rz: "rad" ~ 0.01,
-    }
+    } acts Acts::Geometry(&[
+        (Spot::Base, Axis::X, Way::Slide),
+        (Spot::Base, Axis::Y, Way::Slide),
+        (Spot::Base, Axis::Z, Way::Slide),
+        (Spot::Root, Axis::X, Way::Turn),
+        (Spot::Root, Axis::Y, Way::Turn),
+        (Spot::Root, Axis::Z, Way::Turn),
+    ])
 }
 
 impl Term for BaseSlip {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Geometry(&[
-            (Spot::Base, Axis::X, Way::Slide),
-            (Spot::Base, Axis::Y, Way::Slide),
-            (Spot::Base, Axis::Z, Way::Slide),
-            (Spot::Root, Axis::X, Way::Turn),
-            (Spot::Root, Axis::Y, Way::Turn),
-            (Spot::Root, Axis::Z, Way::Turn),
-        ])
-    }
-
     fn placed(&self) -> Placed {
         Placed::AtPose
     }

@@ -1,7 +1,7 @@
 //! [`BaseTilt`].
 
 use crate::kinematics::elements::{Axis, Way};
-use crate::terms::term::{Acts, Info, Spot, Term};
+use crate::terms::term::{Acts, Spot, Term};
 
 term! {
     /// The first joint axis of a chain is tilted.
@@ -11,15 +11,7 @@ term! {
     BaseTilt("base_tilt", Geometry, per Chain, needs Nothing) {
         rx: "rad" ~ 4e-3,
         ry: "rad" ~ 4e-3,
-    }
+    } acts Acts::Geometry(&[(Spot::Root, Axis::X, Way::Turn), (Spot::Root, Axis::Y, Way::Turn)])
 }
 
-impl Term for BaseTilt {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Geometry(&[(Spot::Root, Axis::X, Way::Turn), (Spot::Root, Axis::Y, Way::Turn)])
-    }
-}
+impl Term for BaseTilt {}

@@ -2,7 +2,7 @@
 
 use crate::mechanism::{Closure, Mechanism, Target};
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Electronics, Info, Site, Term};
+use crate::terms::term::{Acts, Electronics, Site, Term};
 
 term! {
     /// Channels that are read one after the other.
@@ -11,18 +11,10 @@ term! {
     /// the common instant is `a - n skew v`, with the channel's velocity `v`.
     ChannelSkew("channel_skew", Electronics, per All, needs Motion) {
         skew: "s" ~ 2e-4,
-    }
+    } acts Acts::Electronics(&Self)
 }
 
 impl Term for ChannelSkew {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Electronics(&Self)
-    }
-
     /// Not where it is a delay of one side: of pairs that are to be equal, all equally far apart.
     fn suits_target(&self, mechanism: &Mechanism, _target: Target) -> bool {
         let number = |name: &String| mechanism.channel_index(name).ok();

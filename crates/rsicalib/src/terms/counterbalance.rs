@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use crate::terms::coupled::Coupled;
 use crate::terms::law;
-use crate::terms::term::{Acts, Info, Term};
+use crate::terms::term::{Acts, Term};
 
 term! {
     /// A joint that a counterbalance turns against the weight.
@@ -14,18 +14,10 @@ term! {
     /// none is built in, gravity may be declared the wrong way round.
     Counterbalance("counterbalance", Load, per Channel, needs Gravity) {
         compliance: "rad/torque" ~ 4e-3,
-    }
+    } acts Acts::Coupled(&LAW)
 }
 
 static LAW: LazyLock<Coupled> =
     LazyLock::new(|| law::of_catalogue(&Counterbalance::INFO, None, "-compliance * torque"));
 
-impl Term for Counterbalance {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Coupled(&LAW)
-    }
-}
+impl Term for Counterbalance {}

@@ -2,7 +2,7 @@
 
 use crate::mechanism::Mechanism;
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Electronics, Info, Placed, Site, Term};
+use crate::terms::term::{Acts, Electronics, Placed, Site, Term};
 
 term! {
     /// A channel that picks up part of a neighbouring one.
@@ -11,18 +11,10 @@ term! {
     /// multiplexer that does not settle, or a shared return wire.
     Crosstalk("crosstalk", Sensor, per Channel, needs Nothing) {
         share: "1" ~ 5e-3,
-    }
+    } acts Acts::Electronics(&Self)
 }
 
 impl Term for Crosstalk {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Electronics(&Self)
-    }
-
     fn placed(&self) -> Placed {
         Placed::AtChannel
     }

@@ -1,7 +1,7 @@
 //! [`Cubic`].
 
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Sensor, Site, Term};
+use crate::terms::term::{Acts, Sensor, Site, Term};
 
 term! {
     /// Cubic error of a sensor.
@@ -10,18 +10,10 @@ term! {
     /// its range in half ranges: a symmetric departure from linearity.
     Cubic("cubic", Sensor, per Channel, needs Nothing) {
         c3: "rad" ~ 0.03,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
-impl Term for Cubic {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-}
+impl Term for Cubic {}
 
 impl Sensor for Cubic {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {

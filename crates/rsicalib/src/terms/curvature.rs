@@ -1,7 +1,7 @@
 //! [`Curvature`].
 
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Sensor, Site, Term};
+use crate::terms::term::{Acts, Sensor, Site, Term};
 
 term! {
     /// Parabolic error of a sensor.
@@ -10,18 +10,10 @@ term! {
     /// its range in half ranges: a loaded wiper, or a track of uneven width.
     Curvature("curvature", Sensor, per Channel, needs Nothing) {
         c2: "rad" ~ 0.02,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
-impl Term for Curvature {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-}
+impl Term for Curvature {}
 
 impl Sensor for Curvature {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {

@@ -1,7 +1,7 @@
 //! [`Distance`].
 
 use crate::mechanism::{Mechanism, Target};
-use crate::terms::term::{Acts, Info, Term};
+use crate::terms::term::{Acts, Term};
 
 term! {
     /// A distance between two points that is not the drawn one.
@@ -9,18 +9,10 @@ term! {
     /// Adds `d` to the value of a distance closure, for example one side of a handle.
     Distance("distance", Closure, per Closure, needs Nothing) {
         d: "length" ~ 2.5e-3,
-    }
+    } acts Acts::Distance
 }
 
 impl Term for Distance {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Distance
-    }
-
     /// What a channel reads has an offset, and what is unknown a place.
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
         matches!(target, Target::Closure(k) if mechanism.is_drawn(k))

@@ -2,7 +2,7 @@
 
 use crate::closures::kind::Part;
 use crate::mechanism::{Mechanism, Target};
-use crate::terms::term::{Acts, Info, Term};
+use crate::terms::term::{Acts, Term};
 
 term! {
     /// A distance that grows with the temperature.
@@ -12,24 +12,16 @@ term! {
     /// expansion, 12e-6 per kelvin for steel and 23e-6 for aluminium.
     DistanceGrowth("distance_growth", Closure, per Closure, needs Temperature) {
         rate: "length/K" ~ 2e-5,
-    }
+    } acts Acts::Distance
 }
 
 impl Term for DistanceGrowth {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Distance
-    }
-
     /// What a channel reads has a temperature of its own, a surface is no body, and what is unknown
     /// is of no pose.
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
         let Target::Closure(k) = target else { return false };
         let closure = &mechanism.closures[k];
-        let of_points = closure.kind.facts().between()[1] == Part::Point;
+        let of_points = closure.kind.facts().between[1] == Part::Point;
         of_points && mechanism.is_drawn(k) && !mechanism.is_link(closure)
     }
 }

@@ -1,7 +1,7 @@
 //! [`DistanceSlip`].
 
 use crate::mechanism::{Mechanism, Target};
-use crate::terms::term::{Acts, Info, Placed, Term};
+use crate::terms::term::{Acts, Placed, Term};
 
 term! {
     /// A distance that changed once.
@@ -10,18 +10,10 @@ term! {
     /// way, a ball that was seated again. The p-value is corrected for the number of poses.
     DistanceSlip("distance_slip", Closure, per Closure, needs Nothing) {
         step: "length" ~ 2.5e-3,
-    }
+    } acts Acts::Distance
 }
 
 impl Term for DistanceSlip {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Distance
-    }
-
     fn placed(&self) -> Placed {
         Placed::AtPose
     }

@@ -2,7 +2,7 @@
 
 use crate::mechanism::Mechanism;
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Placed, Sensor, Site, Term};
+use crate::terms::term::{Acts, Placed, Sensor, Site, Term};
 
 term! {
     /// A follower that stands short of its goal as long as it moves.
@@ -12,18 +12,10 @@ term! {
     /// stands short at rest, too, it is `hysteresis`.
     Drag("drag", Sensor, per Channel, needs Motion) {
         h: "rad" ~ 1e-3,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
 impl Term for Drag {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-
     fn placed(&self) -> Placed {
         Placed::AtChannel
     }
@@ -46,10 +38,6 @@ impl Sensor for Drag {
 
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
         out[0] = direction(site);
-    }
-
-    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
-        Lanes::ZERO
     }
 }
 

@@ -1,7 +1,7 @@
 //! [`Drift`].
 
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Sensor, Site, Term};
+use crate::terms::term::{Acts, Sensor, Site, Term};
 
 term! {
     /// Steady drift of a sensor during the session.
@@ -10,18 +10,10 @@ term! {
     /// session: a pot that slips slowly, or warms up.
     Drift("drift", Sensor, per Channel, needs Order) {
         rate: "rad/session" ~ 5e-3,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
-impl Term for Drift {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-}
+impl Term for Drift {}
 
 impl Sensor for Drift {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {
@@ -30,9 +22,5 @@ impl Sensor for Drift {
 
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
         out[0] = site.time - Lanes::splat(0.5);
-    }
-
-    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
-        Lanes::ZERO
     }
 }

@@ -1,7 +1,7 @@
 //! [`FreeCurve`].
 
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Sensor, Site, Term};
+use crate::terms::term::{Acts, Sensor, Site, Term};
 use crate::terms::waves;
 
 term! {
@@ -20,18 +20,10 @@ term! {
         c6: "rad" ~ 0.002_2,
         c7: "rad" ~ 0.001_6,
         c8: "rad" ~ 0.001_25,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
-impl Term for FreeCurve {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-}
+impl Term for FreeCurve {}
 
 impl Sensor for FreeCurve {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {

@@ -1,7 +1,7 @@
 //! [`Gain`].
 
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Role, Sensor, Site, Term};
+use crate::terms::term::{Acts, Role, Sensor, Site, Term};
 
 term! {
     /// Joint angle per reading.
@@ -10,18 +10,10 @@ term! {
     /// vary by per cents. Reported as the paper's `k`, eq. (9).
     Gain("gain", Sensor, per Channel, needs Nothing) {
         gain: "rad/reading" ~ 3e-5,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
 impl Term for Gain {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-
     fn role(&self) -> Role {
         Role::Gain
     }

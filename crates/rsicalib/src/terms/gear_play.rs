@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use crate::terms::coupled::Coupled;
 use crate::terms::law;
-use crate::terms::term::{Acts, Info, Term};
+use crate::terms::term::{Acts, Term};
 
 term! {
     /// A gear with play, in which the joint lies on the side to which gravity pulls.
@@ -15,18 +15,10 @@ term! {
     /// the links' masses. Where it never changes its side the effect is an offset.
     GearPlay("gear_play", Load, per Channel, needs Gravity) {
         side: "rad" ~ 1e-3,
-    }
+    } acts Acts::Coupled(&LAW)
 }
 
 static LAW: LazyLock<Coupled> =
     LazyLock::new(|| law::of_catalogue(&GearPlay::INFO, None, "side * sign(torque)"));
 
-impl Term for GearPlay {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Coupled(&LAW)
-    }
-}
+impl Term for GearPlay {}

@@ -1,7 +1,7 @@
 //! [`Hysteresis`].
 
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Sensor, Site, Term};
+use crate::terms::term::{Acts, Sensor, Site, Term};
 
 term! {
     /// Error of a sensor that depends on the direction of approach.
@@ -11,18 +11,10 @@ term! {
     /// the loop.
     Hysteresis("hysteresis", Sensor, per Channel, needs Approach) {
         h: "rad" ~ 1e-3,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
-impl Term for Hysteresis {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-}
+impl Term for Hysteresis {}
 
 impl Sensor for Hysteresis {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {
@@ -31,10 +23,6 @@ impl Sensor for Hysteresis {
 
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
         out[0] = side(site);
-    }
-
-    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
-        Lanes::ZERO
     }
 }
 

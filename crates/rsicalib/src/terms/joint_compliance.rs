@@ -1,7 +1,7 @@
 //! [`JointCompliance`].
 
 use crate::kinematics::elements::Weight;
-use crate::terms::term::{Acts, Info, Term};
+use crate::terms::term::{Acts, Term};
 
 term! {
     /// A joint that gives under the weight of the links.
@@ -10,15 +10,7 @@ term! {
     /// to its coordinate.
     JointCompliance("joint_compliance", Load, per Channel, needs Masses) {
         compliance: "rad/torque" ~ 6e-3,
-    }
+    } acts Acts::Load(Weight::Links)
 }
 
-impl Term for JointCompliance {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Load(Weight::Links)
-    }
-}
+impl Term for JointCompliance {}

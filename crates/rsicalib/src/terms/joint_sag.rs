@@ -1,7 +1,7 @@
 //! [`JointSag`].
 
 use crate::kinematics::elements::Weight;
-use crate::terms::term::{Acts, Info, Term};
+use crate::terms::term::{Acts, Term};
 
 term! {
     /// A joint that gives under the weight at the end of its chain.
@@ -10,15 +10,7 @@ term! {
     /// about this joint alone: a soft bearing or drive where the links are stiff.
     JointSag("joint_sag", Load, per Channel, needs Gravity) {
         compliance: "rad/length" ~ 4e-3,
-    }
+    } acts Acts::Load(Weight::Tip)
 }
 
-impl Term for JointSag {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Load(Weight::Tip)
-    }
-}
+impl Term for JointSag {}

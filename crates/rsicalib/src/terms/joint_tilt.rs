@@ -1,7 +1,7 @@
 //! [`JointTilt`].
 
 use crate::kinematics::elements::{Axis, Way};
-use crate::terms::term::{Acts, Info, Spot, Term};
+use crate::terms::term::{Acts, Spot, Term};
 
 term! {
     /// A joint axis that is tilted against the one before.
@@ -11,15 +11,7 @@ term! {
     JointTilt("joint_tilt", Geometry, per Row, needs Nothing) {
         alpha: "rad" ~ 4e-3,
         beta: "rad" ~ 4e-3,
-    }
+    } acts Acts::Geometry(&[(Spot::End, Axis::X, Way::Turn), (Spot::End, Axis::Y, Way::Turn)])
 }
 
-impl Term for JointTilt {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Geometry(&[(Spot::End, Axis::X, Way::Turn), (Spot::End, Axis::Y, Way::Turn)])
-    }
-}
+impl Term for JointTilt {}

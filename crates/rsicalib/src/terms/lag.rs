@@ -3,7 +3,7 @@
 use crate::mechanism::{Mechanism, Target};
 use crate::readings::course::Late;
 use crate::terms::follows::Follows;
-use crate::terms::term::{Acts, Info, Term};
+use crate::terms::term::{Acts, Term};
 
 term! {
     /// Channels that are late.
@@ -14,18 +14,10 @@ term! {
     /// a steady motion: how much of `lag` that is, `servo` tells.
     Lag("lag", Sensor, per Channel, needs Motion) {
         lag: "s" ~ 1e-3,
-    }
+    } acts Acts::Electronics(&Self)
 }
 
 impl Term for Lag {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Electronics(&Self)
-    }
-
     /// A leader that is early is a follower that is late: it is said of the follower.
     fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
         !mechanism.leads(channel)

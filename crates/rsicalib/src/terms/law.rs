@@ -10,7 +10,7 @@ use crate::mechanism::{Class, Formula, Law, Mechanism, Moves, Target, Variable};
 use crate::numerics::formula::Program;
 use crate::numerics::lanes::Lanes;
 use crate::terms::coupled::Coupled;
-use crate::terms::term::{Acts, Info, Needs, Parameter, Sensor, Site, Term};
+use crate::terms::term::{Acts, Declared, Info, Needs, Parameter, Sensor, Site, Term};
 use crate::text::word;
 
 /// The terms of laws so far. Terms live as long as the program, so there is one for each law that
@@ -162,7 +162,7 @@ fn unit(law: &Law, formula: &Formula, k: usize) -> String {
     }
 }
 
-impl Term for LawTerm {
+impl Declared for LawTerm {
     fn info(&self) -> &'static Info {
         self.info
     }
@@ -170,7 +170,9 @@ impl Term for LawTerm {
     fn acts(&self) -> Acts {
         self.acts
     }
+}
 
+impl Term for LawTerm {
     fn needs(&self) -> Vec<Needs> {
         self.variables.iter().map(|v| needs(*v)).collect()
     }

@@ -2,7 +2,7 @@
 
 use crate::mechanism::{Mechanism, Target};
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Surface, Term};
+use crate::terms::term::{Acts, Surface, Term};
 
 term! {
     /// A line that is not straight.
@@ -12,18 +12,10 @@ term! {
     LineBend("line_bend", Closure, per Closure, needs Nothing) {
         uu1: "length" ~ 5e-4,
         uu2: "length" ~ 5e-4,
-    }
+    } acts Acts::Surface(&Self)
 }
 
 impl Term for LineBend {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Surface(&Self)
-    }
-
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
         mechanism.closures_of(target).any(|k| mechanism.is_on_line(k))
     }

@@ -1,7 +1,7 @@
 //! [`LinkFrame`].
 
 use crate::kinematics::elements::{Axis, Way};
-use crate::terms::term::{Acts, Info, Spot, Term};
+use crate::terms::term::{Acts, Spot, Term};
 
 term! {
     /// The whole frame of a link: three translations and three rotations.
@@ -15,22 +15,14 @@ term! {
         rx: "rad" ~ 3e-3,
         ry: "rad" ~ 3e-3,
         rz: "rad" ~ 3e-3,
-    }
+    } acts Acts::Geometry(&[
+        (Spot::Joint, Axis::X, Way::Slide),
+        (Spot::Joint, Axis::Y, Way::Slide),
+        (Spot::Joint, Axis::Z, Way::Slide),
+        (Spot::End, Axis::X, Way::Turn),
+        (Spot::End, Axis::Y, Way::Turn),
+        (Spot::End, Axis::Z, Way::Turn),
+    ])
 }
 
-impl Term for LinkFrame {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Geometry(&[
-            (Spot::Joint, Axis::X, Way::Slide),
-            (Spot::Joint, Axis::Y, Way::Slide),
-            (Spot::Joint, Axis::Z, Way::Slide),
-            (Spot::End, Axis::X, Way::Turn),
-            (Spot::End, Axis::Y, Way::Turn),
-            (Spot::End, Axis::Z, Way::Turn),
-        ])
-    }
-}
+impl Term for LinkFrame {}

@@ -2,7 +2,7 @@
 
 use crate::kinematics::elements::{Axis, Way};
 use crate::mechanism::{Mechanism, Target};
-use crate::terms::term::{Acts, Info, Spot, Term};
+use crate::terms::term::{Acts, Spot, Term};
 
 term! {
     /// A link that grows with the temperature.
@@ -12,18 +12,10 @@ term! {
     /// length of the link times its expansion, 12e-6 per kelvin for steel and 23e-6 for aluminium.
     LinkGrowth("link_growth", Geometry, per Row, needs Temperature) {
         rate: "length/K" ~ 2e-5,
-    }
+    } acts Acts::Geometry(&[(Spot::Along, Axis::X, Way::Slide)])
 }
 
 impl Term for LinkGrowth {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Geometry(&[(Spot::Along, Axis::X, Way::Slide)])
-    }
-
     /// What has no length does not grow.
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
         matches!(target, Target::Row(chain, row)

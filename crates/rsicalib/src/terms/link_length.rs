@@ -1,7 +1,7 @@
 //! [`LinkLength`].
 
 use crate::kinematics::elements::{Axis, Way};
-use crate::terms::term::{Acts, Info, Spot, Term};
+use crate::terms::term::{Acts, Spot, Term};
 
 term! {
     /// A link that is longer than drawn.
@@ -11,15 +11,7 @@ term! {
     /// joint to the next.
     LinkLength("link_length", Geometry, per Row, needs Nothing) {
         a: "length" ~ 2.5e-3,
-    }
+    } acts Acts::Geometry(&[(Spot::Link, Axis::X, Way::Slide)])
 }
 
-impl Term for LinkLength {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Geometry(&[(Spot::Link, Axis::X, Way::Slide)])
-    }
-}
+impl Term for LinkLength {}

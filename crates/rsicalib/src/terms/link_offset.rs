@@ -1,7 +1,7 @@
 //! [`LinkOffset`].
 
 use crate::kinematics::elements::{Axis, Way};
-use crate::terms::term::{Acts, Info, Spot, Term};
+use crate::terms::term::{Acts, Spot, Term};
 
 term! {
     /// A link that is displaced along its joint axis.
@@ -11,15 +11,7 @@ term! {
     /// nearly along its joint axis as that goes.
     LinkOffset("link_offset", Geometry, per Row, needs Nothing) {
         d: "length" ~ 2.5e-3,
-    }
+    } acts Acts::Geometry(&[(Spot::Link, Axis::Z, Way::Slide)])
 }
 
-impl Term for LinkOffset {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Geometry(&[(Spot::Link, Axis::Z, Way::Slide)])
-    }
-}
+impl Term for LinkOffset {}

@@ -12,6 +12,7 @@
 //! parameters of a term are zero where the effect is absent.
 
 use crate::Error;
+use crate::error::index_of;
 use crate::mechanism::Mechanism;
 use crate::terms::term::Term;
 
@@ -68,11 +69,7 @@ macro_rules! registry {
 ///
 /// [`Error::Unknown`] with the known ids.
 pub fn find(id: &str) -> Result<&'static dyn Term, Error> {
-    ALL.iter().copied().find(|t| t.info().id == id).ok_or_else(|| Error::Unknown {
-        kind: "term",
-        found: id.into(),
-        known: ALL.iter().map(|t| t.info().id).collect::<Vec<_>>().join(", "),
-    })
+    Ok(ALL[index_of(ALL, |term| term.info().id, "term", id)?])
 }
 
 /// Every term of a mechanism: the catalogue, then its own laws.
@@ -93,11 +90,7 @@ pub fn find_in(mechanism: &Mechanism, id: &str) -> Result<&'static dyn Term, Err
         return find(id);
     }
     let all = all(mechanism);
-    all.iter().copied().find(|t| t.info().id == id).ok_or_else(|| Error::Unknown {
-        kind: "term",
-        found: id.into(),
-        known: all.iter().map(|t| t.info().id).collect::<Vec<_>>().join(", "),
-    })
+    Ok(all[index_of(&all, |term| term.info().id, "term", id)?])
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use crate::mechanism::Mechanism;
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, ORDER_STEP, ORDERS, Placed, Sensor, Site, Term};
+use crate::terms::term::{Acts, ORDER_STEP, ORDERS, Placed, Sensor, Site, Term};
 
 term! {
     /// Error of a sensor that repeats many times per turn.
@@ -15,18 +15,10 @@ term! {
         a: "rad" ~ 1e-3,
         b: "rad" ~ 1e-3,
         detune: "1/turn" ~ 0.1,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
 impl Term for NPerTurn {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-
     fn placed(&self) -> Placed {
         Placed::AtOrder
     }

@@ -1,7 +1,7 @@
 //! [`Offset`].
 
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Role, Sensor, Site, Term};
+use crate::terms::term::{Acts, Role, Sensor, Site, Term};
 
 term! {
     /// Joint angle at the middle reading.
@@ -11,18 +11,10 @@ term! {
     /// `θ_off`, the angle at reading zero, eq. (9).
     Offset("offset", Sensor, per Channel, needs Nothing) {
         offset: "rad" ~ 0.05,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
 impl Term for Offset {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-
     fn role(&self) -> Role {
         Role::Offset
     }
@@ -35,9 +27,5 @@ impl Sensor for Offset {
 
     fn partials(&self, _p: &[f64], _site: &Site, out: &mut [Lanes]) {
         out[0] = Lanes::ONE;
-    }
-
-    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
-        Lanes::ZERO
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::mechanism::{Mechanism, Target};
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Surface, Term};
+use crate::terms::term::{Acts, Surface, Term};
 
 term! {
     /// A plane that is not flat.
@@ -14,18 +14,10 @@ term! {
         uu: "length" ~ 5e-4,
         uv: "length" ~ 5e-4,
         vv: "length" ~ 5e-4,
-    }
+    } acts Acts::Surface(&Self)
 }
 
 impl Term for PlaneBend {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Surface(&Self)
-    }
-
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
         mechanism.closures_of(target).any(|k| mechanism.is_on_plane(k))
     }

@@ -2,7 +2,7 @@
 
 use crate::mechanism::{Mechanism, Target};
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Placed, Surface, Term};
+use crate::terms::term::{Acts, Placed, Surface, Term};
 
 term! {
     /// A plane that moved once.
@@ -15,18 +15,10 @@ term! {
         step: "length" ~ 2.5e-3,
         lean1: "length" ~ 2.5e-3,
         lean2: "length" ~ 2.5e-3,
-    }
+    } acts Acts::Surface(&Self)
 }
 
 impl Term for PlaneSlip {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Surface(&Self)
-    }
-
     fn placed(&self) -> Placed {
         Placed::AtPose
     }

@@ -1,7 +1,7 @@
 //! [`PointPosition`].
 
 use crate::kinematics::elements::{Axis, Way};
-use crate::terms::term::{Acts, Info, Spot, Term};
+use crate::terms::term::{Acts, Spot, Term};
 
 term! {
     /// The points that a chain carries sit elsewhere than drawn.
@@ -12,19 +12,11 @@ term! {
         x: "length" ~ 0.05,
         y: "length" ~ 0.05,
         z: "length" ~ 0.05,
-    }
+    } acts Acts::Geometry(&[
+        (Spot::Tip, Axis::X, Way::Slide),
+        (Spot::Tip, Axis::Y, Way::Slide),
+        (Spot::Tip, Axis::Z, Way::Slide),
+    ])
 }
 
-impl Term for PointPosition {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Geometry(&[
-            (Spot::Tip, Axis::X, Way::Slide),
-            (Spot::Tip, Axis::Y, Way::Slide),
-            (Spot::Tip, Axis::Z, Way::Slide),
-        ])
-    }
-}
+impl Term for PointPosition {}

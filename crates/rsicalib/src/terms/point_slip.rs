@@ -1,7 +1,7 @@
 //! [`PointSlip`].
 
 use crate::mechanism::{Mechanism, Target};
-use crate::terms::term::{Acts, Info, Placed, Term};
+use crate::terms::term::{Acts, Placed, Term};
 
 term! {
     /// A point that stands, and was moved once.
@@ -13,18 +13,10 @@ term! {
         x: "length" ~ 2.5e-3,
         y: "length" ~ 2.5e-3,
         z: "length" ~ 2.5e-3,
-    }
+    } acts Acts::End
 }
 
 impl Term for PointSlip {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::End
-    }
-
     fn placed(&self) -> Placed {
         Placed::AtPose
     }

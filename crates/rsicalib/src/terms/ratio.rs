@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use crate::mechanism::{Mechanism, Motion, Moves, Target};
 use crate::terms::coupled::Coupled;
 use crate::terms::law;
-use crate::terms::term::{Acts, Info, Term};
+use crate::terms::term::{Acts, Term};
 
 term! {
     /// A parallelogram or a differential whose ratio is not the one declared.
@@ -15,21 +15,13 @@ term! {
     /// of other numbers of teeth.
     Ratio("ratio", Geometry, per Row, needs Nothing) {
         ratio: "1" ~ 5e-3,
-    }
+    } acts Acts::Coupled(&LAW)
 }
 
 static LAW: LazyLock<Coupled> =
     LazyLock::new(|| law::of_catalogue(&Ratio::INFO, Some(Moves::Rz), "ratio * phi"));
 
 impl Term for Ratio {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Coupled(&LAW)
-    }
-
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
         // What slides by a ratio has its scale in the gain of its channel.
         let Target::Row(chain, row) = target else { return false };

@@ -2,7 +2,7 @@
 
 use crate::mechanism::Mechanism;
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Electronics, Info, Site, Term};
+use crate::terms::term::{Acts, Electronics, Site, Term};
 
 term! {
     /// Drift of the converter's reference during the session.
@@ -11,18 +11,10 @@ term! {
     /// session: every channel is read against one reference.
     ReferenceDrift("reference_drift", Electronics, per All, needs Order) {
         rate: "1/session" ~ 2e-3,
-    }
+    } acts Acts::Electronics(&Self)
 }
 
 impl Term for ReferenceDrift {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Electronics(&Self)
-    }
-
     fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
         mechanism.channels[channel].is_converted()
     }

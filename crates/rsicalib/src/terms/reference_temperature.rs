@@ -2,7 +2,7 @@
 
 use crate::mechanism::Mechanism;
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Electronics, Info, Site, Term};
+use crate::terms::term::{Acts, Electronics, Site, Term};
 
 term! {
     /// A converter's reference that follows the temperature.
@@ -11,18 +11,10 @@ term! {
     /// the mean of the session.
     ReferenceTemperature("reference_temperature", Electronics, per All, needs Temperature) {
         rate: "1/K" ~ 3e-4,
-    }
+    } acts Acts::Electronics(&Self)
 }
 
 impl Term for ReferenceTemperature {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Electronics(&Self)
-    }
-
     fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
         mechanism.channels[channel].is_converted()
     }

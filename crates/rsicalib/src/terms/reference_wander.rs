@@ -2,7 +2,7 @@
 
 use crate::mechanism::Mechanism;
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Electronics, Info, Site, Term};
+use crate::terms::term::{Acts, Electronics, Site, Term};
 use crate::terms::waves;
 
 term! {
@@ -17,18 +17,10 @@ term! {
         r4: "1" ~ 0.001,
         r5: "1" ~ 0.0008,
         r6: "1" ~ 0.00067,
-    }
+    } acts Acts::Electronics(&Self)
 }
 
 impl Term for ReferenceWander {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Electronics(&Self)
-    }
-
     fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
         mechanism.channels[channel].is_converted()
     }

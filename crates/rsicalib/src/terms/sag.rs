@@ -1,7 +1,7 @@
 //! [`Sag`].
 
 use crate::kinematics::elements::Weight;
-use crate::terms::term::{Acts, Info, Term};
+use crate::terms::term::{Acts, Term};
 
 term! {
     /// A chain that bends under the weight at its end.
@@ -10,15 +10,7 @@ term! {
     /// torque of a unit weight at the points that its chain carries.
     Sag("sag", Load, per ChainOrAll, needs Gravity) {
         compliance: "rad/length" ~ 4e-3,
-    }
+    } acts Acts::Load(Weight::Tip)
 }
 
-impl Term for Sag {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Load(Weight::Tip)
-    }
-}
+impl Term for Sag {}

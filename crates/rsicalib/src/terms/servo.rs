@@ -3,7 +3,7 @@
 use crate::mechanism::{Mechanism, Target};
 use crate::readings::course::Late;
 use crate::terms::follows::Follows;
-use crate::terms::term::{Acts, Info, Term};
+use crate::terms::term::{Acts, Term};
 
 term! {
     /// Channels that come to their goal by degrees.
@@ -13,18 +13,10 @@ term! {
     /// common instant is `y + T y'`, of the channel's course `y` at `t + lag - T`. `square` is `T²`.
     Servo("servo", Sensor, per Channel, needs Motion) {
         square: "s^2" ~ 1e-3,
-    }
+    } acts Acts::Electronics(&Self)
 }
 
 impl Term for Servo {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Electronics(&Self)
-    }
-
     /// As a delay, it is said of the follower; a filter of first order before a sensor does the same.
     fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
         !mechanism.leads(channel)

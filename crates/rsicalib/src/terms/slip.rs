@@ -1,7 +1,7 @@
 //! [`Slip`].
 
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Placed, Role, Sensor, Site, Term};
+use crate::terms::term::{Acts, Placed, Role, Sensor, Site, Term};
 
 term! {
     /// A sensor that jumped once.
@@ -10,18 +10,10 @@ term! {
     /// The search tries every pose, and the p-value is corrected for their number.
     Slip("slip", Sensor, per Channel, needs Nothing) {
         step: "rad" ~ 0.01,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
 impl Term for Slip {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-
     fn placed(&self) -> Placed {
         Placed::AtPose
     }
@@ -38,10 +30,6 @@ impl Sensor for Slip {
 
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
         out[0] = after(site);
-    }
-
-    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
-        Lanes::ZERO
     }
 }
 

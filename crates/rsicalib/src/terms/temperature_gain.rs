@@ -1,7 +1,7 @@
 //! [`TemperatureGain`].
 
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Sensor, Site, Term};
+use crate::terms::term::{Acts, Sensor, Site, Term};
 
 term! {
     /// Gain of a sensor that follows the temperature.
@@ -10,18 +10,10 @@ term! {
     /// and `T` the temperature above the mean of the session.
     TemperatureGain("temperature_gain", Sensor, per Channel, needs Temperature) {
         rate: "1/K" ~ 1e-3,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
-impl Term for TemperatureGain {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-}
+impl Term for TemperatureGain {}
 
 impl Sensor for TemperatureGain {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {

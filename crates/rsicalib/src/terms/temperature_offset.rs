@@ -1,7 +1,7 @@
 //! [`TemperatureOffset`].
 
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Sensor, Site, Term};
+use crate::terms::term::{Acts, Sensor, Site, Term};
 
 term! {
     /// Offset of a sensor that follows the temperature.
@@ -10,18 +10,10 @@ term! {
     /// of the session.
     TemperatureOffset("temperature_offset", Sensor, per Channel, needs Temperature) {
         rate: "rad/K" ~ 1e-3,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
-impl Term for TemperatureOffset {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-}
+impl Term for TemperatureOffset {}
 
 impl Sensor for TemperatureOffset {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {
@@ -30,9 +22,5 @@ impl Sensor for TemperatureOffset {
 
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
         out[0] = site.temperature;
-    }
-
-    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
-        Lanes::ZERO
     }
 }

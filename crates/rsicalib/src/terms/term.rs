@@ -272,8 +272,10 @@ pub trait Sensor: Sync {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes;
     /// Derivatives of the correction by `p`.
     fn partials(&self, p: &[f64], site: &Site, out: &mut [Lanes]);
-    /// Derivative of the correction by the reading.
-    fn slope(&self, p: &[f64], site: &Site) -> Lanes;
+    /// Derivative of the correction by the reading; zero for one that the reading does not change.
+    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
+        Lanes::ZERO
+    }
 }
 
 /// A term that acts on a plane or a line that points touch: its shape.
@@ -368,14 +370,17 @@ pub enum Role {
     Other,
 }
 
-/// One physical term of the model.
-pub trait Term: Sync {
+/// What every term declares: [`term!`] implements it.
+pub trait Declared {
     /// Identity, parameters, units and description.
     fn info(&self) -> &'static Info;
 
     /// Stage at which the term acts.
     fn acts(&self) -> Acts;
+}
 
+/// One physical term of the model.
+pub trait Term: Declared + Sync {
     /// Kind of place of an instance.
     fn placed(&self) -> Placed {
         Placed::Once
@@ -563,7 +568,7 @@ macro_rules! term {
         $(#[doc = $doc:expr])*
         $name:ident($id:literal, $class:ident, per $per:ident, needs $needs:ident $(, $flag:ident)?) {
             $($parameter:ident: $unit:literal ~ $typical:expr),* $(,)?
-        }
+        } acts $acts:expr
     ) => {
         $(#[doc = $doc])*
         #[derive(Debug, Clone, Copy)]
@@ -586,6 +591,16 @@ macro_rules! term {
                 broad: false $(|| term!(@broad $flag))?,
                 law: false,
             };
+        }
+
+        impl $crate::terms::term::Declared for $name {
+            fn info(&self) -> &'static $crate::terms::term::Info {
+                &Self::INFO
+            }
+
+            fn acts(&self) -> $crate::terms::term::Acts {
+                $acts
+            }
         }
     };
     (@penalised penalised) => { true };

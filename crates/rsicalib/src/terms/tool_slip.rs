@@ -1,7 +1,7 @@
 //! [`ToolSlip`].
 
 use crate::kinematics::elements::{Axis, Way};
-use crate::terms::term::{Acts, Info, Placed, Spot, Term};
+use crate::terms::term::{Acts, Placed, Spot, Term};
 
 term! {
     /// A tool that moved once on the end of its chain.
@@ -13,22 +13,14 @@ term! {
         x: "length" ~ 0.01,
         y: "length" ~ 0.01,
         z: "length" ~ 0.01,
-    }
+    } acts Acts::Geometry(&[
+        (Spot::Tip, Axis::X, Way::Slide),
+        (Spot::Tip, Axis::Y, Way::Slide),
+        (Spot::Tip, Axis::Z, Way::Slide),
+    ])
 }
 
 impl Term for ToolSlip {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Geometry(&[
-            (Spot::Tip, Axis::X, Way::Slide),
-            (Spot::Tip, Axis::Y, Way::Slide),
-            (Spot::Tip, Axis::Z, Way::Slide),
-        ])
-    }
-
     fn placed(&self) -> Placed {
         Placed::AtPose
     }

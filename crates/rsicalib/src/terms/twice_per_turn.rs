@@ -2,7 +2,7 @@
 
 use crate::mechanism::Mechanism;
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Sensor, Site, Term};
+use crate::terms::term::{Acts, Sensor, Site, Term};
 
 term! {
     /// Error of a sensor that repeats twice per turn.
@@ -12,18 +12,10 @@ term! {
     TwicePerTurn("twice_per_turn", Sensor, per Channel, needs Nothing) {
         a: "rad" ~ 0.01,
         b: "rad" ~ 0.01,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
 impl Term for TwicePerTurn {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-
     fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
         mechanism.goes_round(channel)
     }

@@ -1,7 +1,7 @@
 //! [`Wander`].
 
 use crate::numerics::lanes::Lanes;
-use crate::terms::term::{Acts, Info, Sensor, Site, Term};
+use crate::terms::term::{Acts, Sensor, Site, Term};
 use crate::terms::waves;
 
 term! {
@@ -17,18 +17,10 @@ term! {
         w4: "rad" ~ 0.0025,
         w5: "rad" ~ 0.002,
         w6: "rad" ~ 0.0017,
-    }
+    } acts Acts::Sensor(&Self)
 }
 
-impl Term for Wander {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Sensor(&Self)
-    }
-}
+impl Term for Wander {}
 
 impl Sensor for Wander {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {
@@ -37,9 +29,5 @@ impl Sensor for Wander {
 
     fn partials(&self, _p: &[f64], site: &Site, out: &mut [Lanes]) {
         waves::each(site.time, out);
-    }
-
-    fn slope(&self, _p: &[f64], _site: &Site) -> Lanes {
-        Lanes::ZERO
     }
 }

@@ -99,9 +99,8 @@ impl Levels {
         held: f64,
     ) -> Result<Self, Error> {
         let (units, n) = (told.len(), class.len());
-        if let Some(level) = levels.iter().find(|level| level.len() != units) {
-            let what = "groups of a level".into();
-            return Err(Error::Shape { what, found: level.len(), expected: units });
+        for level in levels {
+            Error::same("groups of a level", level.len(), units)?;
         }
         let grouping = Grouping::new(units, levels);
         let together = n * grouping.crossing();

@@ -217,7 +217,7 @@ fn apart(model: &Model) -> Vec<(usize, Vec<usize>)> {
         let names: Vec<&String> =
             of_chain(model, chain).map(|p| &mechanism.points[p].name).collect();
         let touches = |name: &&String| {
-            let touching = mechanism.closures.iter().filter(|c| c.kind.facts().is_vector());
+            let touching = mechanism.closures.iter().filter(|c| c.kind.facts().is_vector);
             let [a, b] = [0, 1].map(|end| touching.clone().map(move |c| &c.between[end]));
             a.clone()
                 .zip(b.clone())
