@@ -1,7 +1,7 @@
 //! [`AttachmentPosition`].
 
 use crate::mechanism::{Mechanism, Target};
-use crate::terms::term::{Acts, Info, Term};
+use crate::terms::term::{Acts, Term};
 
 term! {
     /// A joint of a moving body that sits elsewhere than drawn.
@@ -13,18 +13,10 @@ term! {
         x: "length" ~ 2.5e-3,
         y: "length" ~ 2.5e-3,
         z: "length" ~ 2.5e-3,
-    }
+    } acts Acts::Attachment
 }
 
 impl Term for AttachmentPosition {
-    fn info(&self) -> &'static Info {
-        &Self::INFO
-    }
-
-    fn acts(&self) -> Acts {
-        Acts::Attachment
-    }
-
     fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
         matches!(target, Target::Closure(closure) if mechanism.attachment(closure).is_some())
     }
