@@ -26,8 +26,6 @@ from rsicalib.reproduction.document import Paper
 from rsicalib.results.certificate import Certificate
 from rsicalib.verbs.monitor import Alarm, Watch
 
-__all__ = ["DOCUMENTS", "schema"]
-
 DOCUMENTS: dict[str, type[Record]] = {
     "rsicalib.plan/1": Plan,
     "rsicalib.supposition/1": Supposition,

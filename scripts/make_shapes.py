@@ -117,9 +117,7 @@ def shapes() -> str:
         own = [k for k in roots[name]["properties"] if k not in shared]
         fields = _fields(roots[name], set(written[name]), records, own)
         parts.append(_class(f"{name}Shape", "ResultShape", roots[name], fields, options))
-    names = sorted([*records, "ResultShape", *(f"{name}Shape" for name in ROOTS)])
-    listed = "".join(f'    "{name}",\n' for name in names)
-    return f"{HEAD}\n__all__ = [\n{listed}]\n" + "".join(f"\n\n{part}" for part in parts)
+    return HEAD + "".join(f"\n\n{part}" for part in parts)
 
 
 def _ordered(records: dict[str, Any]) -> list[str]:

@@ -8,17 +8,6 @@ from typing import TypedDict
 
 from rsicalib.plain_text import printable, shortened
 
-__all__ = [
-    "InputError",
-    "InputTypeError",
-    "OpenLoopsWarning",
-    "ResultError",
-    "RsicalibError",
-    "UndeterminedError",
-    "Where",
-    "tell",
-]
-
 
 class Where(TypedDict):
     """Place of a fault in the input; what does not apply is None."""

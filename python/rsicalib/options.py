@@ -22,8 +22,6 @@ from rsicalib import _core
 from rsicalib.errors import InputError, InputTypeError
 from rsicalib.plain_text import meant, quoted
 
-__all__ = ["NUMBERS", "Bounds", "checked", "names", "noise_of", "number", "parsed", "rows"]
-
 P = ParamSpec("P")
 T = TypeVar("T")
 

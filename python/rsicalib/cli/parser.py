@@ -39,8 +39,6 @@ from rsicalib.imports.kinds import KINDS
 from rsicalib.options import NUMBERS, parsed
 from rsicalib.plain_text import meant, quoted
 
-__all__ = ["make_parser"]
-
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:

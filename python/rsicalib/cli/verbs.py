@@ -25,29 +25,6 @@ from rsicalib.facts.records import plain, to_json
 from rsicalib.io.folders import EXPORT, IMPORT, MARK, write_folder
 from rsicalib.plain_text import meant, printable
 
-__all__ = [
-    "Args",
-    "calibrate",
-    "certify",
-    "completion",
-    "demo",
-    "export",
-    "fixture",
-    "fleet",
-    "forward",
-    "guide",
-    "history",
-    "import_",
-    "mechanism",
-    "paper",
-    "plan",
-    "simulate",
-    "suppose",
-    "terms",
-    "trace",
-    "watch",
-]
-
 Args: TypeAlias = argparse.Namespace
 
 T = TypeVar("T")

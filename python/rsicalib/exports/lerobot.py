@@ -16,9 +16,6 @@ from rsicalib.exports.ask import Ask
 from rsicalib.imports.lerobot_ranges import read_calibration
 from rsicalib.imports.teleop import DEGREES, FOLLOWER
 
-__all__ = ["write"]
-
-
 HALF = 0.5
 """Of a step of the encoder: an end of a range is right to no more."""
 

@@ -16,8 +16,6 @@ from rsicalib.imports.log import Session
 from rsicalib.io.readings import Readings
 from rsicalib.work.closing import warn_of_open_loops
 
-__all__ = ["write_csv", "write_mcap"]
-
 TOPIC = "/joint_states"
 
 

@@ -7,8 +7,6 @@ from typing import Literal, TypeAlias
 
 from rsicalib.facts.records import Record
 
-__all__ = ["CertificateShape", "Decision", "Known", "Source", "Uncertainty"]
-
 Decision: TypeAlias = Literal["within", "not within", "undecided"]
 
 

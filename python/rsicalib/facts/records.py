@@ -17,8 +17,6 @@ from rsicalib.errors import ResultError
 from rsicalib.labels import Labelled
 from rsicalib.plain_text import encodable
 
-__all__ = ["IF_KNOWN", "NOT_WRITTEN", "OMIT", "Record", "plain", "to_json"]
-
 OMIT: dict[str, Any] = {"omit": (None, [], {})}
 """Metadata of a field that does not stand in the JSON where it is None or empty."""
 IF_KNOWN: dict[str, Any] = {"omit": (None,)}

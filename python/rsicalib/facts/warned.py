@@ -7,8 +7,6 @@ from typing import Literal, TypeAlias, get_args
 
 from rsicalib.facts.records import Record
 
-__all__ = ["KINDS", "WIRING", "Warned", "WarnedKind"]
-
 WarnedKind: TypeAlias = Literal[
     "reversed",
     "exchanged",

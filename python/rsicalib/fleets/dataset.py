@@ -19,8 +19,6 @@ from rsicalib.io.frames import Columns, columns_of
 from rsicalib.io.tables import PARQUET, Table, chunks, read_table, text
 from rsicalib.plain_text import encodable
 
-__all__ = ["Dataset", "Partition", "Piece", "pyarrow_modules"]
-
 LEVELS = "levels.csv"
 """File beside the readings that says of each device in which groups it is."""
 

@@ -12,8 +12,6 @@ from rsicalib.fleets.frames import runs_of
 from rsicalib.io.frames import Columns
 from rsicalib.io.tables import is_blank, quoted, read_table, text
 
-__all__ = ["Levels", "beside", "groups_of"]
-
 
 @dataclass(frozen=True)
 class Levels:

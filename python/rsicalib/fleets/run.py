@@ -27,8 +27,6 @@ from rsicalib.options import checked, names
 from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
 
-__all__ = ["Fleet", "fleet"]
-
 PARTITION = 100
 """Devices of a partition: a second of work or two, which is what a lost worker costs."""
 

@@ -20,8 +20,6 @@ from rsicalib.fleets.frames import TEXT, Rows
 from rsicalib.io.files import write_text
 from rsicalib.io.sources import read_json
 
-__all__ = ["OnDisk", "Parts", "Store"]
-
 GROUP = 10_000
 """Rows of a row group of `fleet.parquet`."""
 

@@ -21,8 +21,6 @@ from rsicalib.guide.session import Session
 from rsicalib.guide.source import started
 from rsicalib.io.sources import LONGEST_LINE
 
-__all__ = ["Robot", "drive", "passed"]
-
 MOST_REFUSED = 30
 """Poses that a robot cannot take one after the other; the session then ends with what it has."""
 

@@ -21,8 +21,6 @@ from rsicalib.io.files import write_text
 from rsicalib.io.messages import message_of, positions_of
 from rsicalib.io.sources import read_json, read_text
 
-__all__ = ["FITTED", "Columns", "Log", "Sample", "Taken"]
-
 
 @dataclass(frozen=True)
 class Sample:

@@ -27,8 +27,6 @@ from rsicalib.io.sources import read_json
 from rsicalib.report.words import subject
 from rsicalib.results.result import Trace
 
-__all__ = ["Session", "Settings"]
-
 KEPT = "what a guide has kept: 'struck_off' and 'repeated'"
 
 NEAR = 0.06

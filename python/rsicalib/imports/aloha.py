@@ -16,8 +16,6 @@ from rsicalib.imports.log import Log
 from rsicalib.imports.stretches import Recording
 from rsicalib.imports.teleop import FOLLOWER, LEADER, Teleop
 
-__all__ = ["read"]
-
 ARM = "waist shoulder elbow forearm_roll wrist_angle wrist_rotate gripper"
 """Joints of one arm, in the order of the file."""
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 
 from rsicalib.errors import InputError
 
-__all__ = ["HOLD", "Asked", "chosen"]
-
 HOLD = 0.5
 """A pose is held for so long [s], unless it is asked otherwise: less is a turning point."""
 

@@ -19,8 +19,6 @@ from typing import Any, Protocol
 from rsicalib.errors import InputError
 from rsicalib.imports.extras import needed
 
-__all__ = ["STATE", "Bag", "namespace", "open_bag"]
-
 STATE = "sensor_msgs/msg/JointState"
 
 MCAP = b"\x89MCAP0\r\n"

@@ -25,8 +25,6 @@ from rsicalib.io.tables import PARQUET, Table, is_blank, numbers, quoted, read_t
 from rsicalib.io.times import seconds, time_column
 from rsicalib.plain_text import counted
 
-__all__ = ["read", "whole_rows"]
-
 MOST_SAID = 3
 """Groups of channels that a message names."""
 

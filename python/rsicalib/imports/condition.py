@@ -13,8 +13,6 @@ import numpy as np
 from rsicalib.errors import InputError
 from rsicalib.imports.bags import Bag
 
-__all__ = ["Condition"]
-
 COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     ">=": operator.ge,
     "<=": operator.le,

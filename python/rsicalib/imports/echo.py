@@ -12,8 +12,6 @@ from rsicalib.imports.ros import STOPPED, Message, log_of
 from rsicalib.io.messages import documents, message_of
 from rsicalib.io.sources import read_text
 
-__all__ = ["read"]
-
 
 def read(source: str, asked: Asked) -> Log:
     """Read the messages of a topic.

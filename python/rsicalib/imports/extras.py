@@ -11,8 +11,6 @@ from typing import Any
 from rsicalib.errors import InputError
 from rsicalib.io.sources import largest_file
 
-__all__ = ["EXTRAS", "needed", "read_by", "wrapped"]
-
 EXTRAS = {"h5py": "hdf5", "pyarrow": "parquet", "rosbags": "ros", "mcap": "ros"}
 """The extra of the package that brings a library."""
 

@@ -20,8 +20,6 @@ from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.klipper_config import TOWERS, Config, read_config
 from rsicalib.imports.log import Column, Log, Session
 
-__all__ = ["read"]
-
 ANGLES = {"a": 210.0, "b": 330.0, "c": 90.0}
 """Angles of the towers [°] where the file has none: Klipper's own."""
 

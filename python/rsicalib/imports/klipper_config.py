@@ -12,8 +12,6 @@ import numpy as np
 from rsicalib.errors import InputError
 from rsicalib.io.sources import read_text
 
-__all__ = ["TOWERS", "Config", "read_config"]
-
 TOWERS = ("a", "b", "c")
 
 AUTOSAVE = "#*#"

@@ -22,8 +22,6 @@ from rsicalib.imports.stretches import Recording
 from rsicalib.imports.teleop import FOLLOWER, LEADER, POSITION, Teleop, short_names
 from rsicalib.io.sources import read_json
 
-__all__ = ["read"]
-
 SIDES = {"observation.state": FOLLOWER, "action": LEADER}
 """Columns of a data set, and what their joints are called here."""
 

@@ -6,8 +6,6 @@ from rsicalib.errors import InputError
 from rsicalib.imports.teleop import FOLLOWER, LEADER, short_names
 from rsicalib.io.sources import read_json
 
-__all__ = ["read_calibration", "read_ranges"]
-
 OF_A_RANGE = ("homing_offset", "range_min", "range_max", "drive_mode")
 
 

@@ -12,8 +12,6 @@ from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 from rsicalib.imports.extras import needed, read_by
 
-__all__ = ["Rows", "episodes", "short_floats"]
-
 Rows = tuple[int, dict[str, list[Any]], IntArray]
 """Number of an episode, its columns, and where its rows stand in their files."""
 

@@ -23,8 +23,6 @@ from rsicalib.io.readings import Readings, readings_of_table
 from rsicalib.io.tables import Table
 from rsicalib.tabular import Told
 
-__all__ = ["Column", "Log", "Session"]
-
 Column: TypeAlias = npt.NDArray[Any] | Sequence[str]
 
 

@@ -19,8 +19,6 @@ from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.log import Log, Session
 from rsicalib.io.sources import decoded, read_bytes
 
-__all__ = ["BELTS", "read"]
-
 BELTS = ("tl", "tr", "bl", "br")
 
 REPEATS = 2.5

@@ -15,8 +15,6 @@ from rsicalib.imports.log import Log
 from rsicalib.options import checked
 from rsicalib.plain_text import meant
 
-__all__ = ["import_log", "joints_of"]
-
 
 @checked
 def import_log(

@@ -23,8 +23,6 @@ from rsicalib.imports.extras import read_by
 from rsicalib.imports.log import Log
 from rsicalib.imports.stretches import Recording, session_of
 
-__all__ = ["Message", "log_of", "read"]
-
 Message = tuple[int | None, Any]
 """Time of receipt [ns], where it is known, and the message."""
 

@@ -12,8 +12,6 @@ from rsicalib.errors import InputError
 from rsicalib.io.tables import Table, is_blank, quoted
 from rsicalib.io.times import seconds
 
-__all__ = ["in_columns"]
-
 SERIES, VALUE = "topic", "value"
 TIMES = ("header.stamp", "receive time", "elapsed time")
 """Of a row; that of the measurement first, where each row has it."""

@@ -12,8 +12,6 @@ from rsicalib.errors import InputError
 from rsicalib.imports.asked import HOLD, Asked
 from rsicalib.imports.log import Column, Session
 
-__all__ = ["Recording", "session_of"]
-
 
 @dataclass(frozen=True, eq=False)
 class Recording:

@@ -18,8 +18,6 @@ from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.log import Session
 from rsicalib.imports.stretches import Recording, session_of
 
-__all__ = ["FOLLOWER", "LEADER", "POSITION", "Teleop", "short_names", "ticks"]
-
 LEADER, FOLLOWER = "leader_", "follower_"
 
 POSITION = ".pos"

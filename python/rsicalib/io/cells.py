@@ -21,19 +21,6 @@ from rsicalib.io.tables import Table, is_blank, numbers, quoted, text
 from rsicalib.io.times import time_column
 from rsicalib.plain_text import meant
 
-__all__ = [
-    "COLUMNS",
-    "POSE",
-    "TEXTS",
-    "USED",
-    "ChannelLike",
-    "Fault",
-    "MechanismLike",
-    "needed_columns",
-    "read_cells",
-    "read_header",
-]
-
 POSE = ("x", "y", "z", "rx", "ry", "rz")
 TEXTS = ("group", "at")
 TIME = "time_s"

@@ -14,8 +14,6 @@ from dataclasses import dataclass
 
 from rsicalib.errors import InputError
 
-__all__ = ["CsvText", "read_csv_text"]
-
 COMMENT = "#"
 """Lines above the header that begin so are no part of the table."""
 

@@ -20,17 +20,6 @@ from typing import ClassVar
 from rsicalib.errors import InputError
 from rsicalib.io.files import write_bytes, write_text
 
-__all__ = [
-    "EXPORT",
-    "IMPORT",
-    "MARK",
-    "OF_LOG",
-    "TRUTH",
-    "Sealed",
-    "refuse_foreign",
-    "write_folder",
-]
-
 MARK = "Written by rsicalib"
 """A line with these words marks a text file that may be replaced."""
 

@@ -13,21 +13,6 @@ import numpy.typing as npt
 from rsicalib.errors import InputError, InputTypeError
 from rsicalib.io.tables import Table, table_of_arrays
 
-__all__ = [
-    "SOURCE",
-    "ArraysArg",
-    "Cells",
-    "Columns",
-    "FrameArg",
-    "TableArg",
-    "as_table",
-    "columns_of",
-    "frame_of",
-    "in_memory",
-    "is_frame",
-    "table_in_memory",
-]
-
 Cells: TypeAlias = Sequence[Any] | npt.NDArray[Any]
 Columns: TypeAlias = dict[str, Cells]
 

@@ -8,8 +8,6 @@ from rsicalib.errors import InputError
 from rsicalib.facts.warned import Warned
 from rsicalib.io.samples import Samples
 
-__all__ = ["check_poses_are_together", "time_goes_back"]
-
 
 def check_poses_are_together(readings: Samples) -> None:
     """Refuse a pose that begins again after another pose.

@@ -46,8 +46,6 @@ from rsicalib.io.tables import (
 from rsicalib.io.units_row import without_units
 from rsicalib.tabular import Tabular
 
-__all__ = ["Readings", "load_readings", "readings_of_table"]
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Readings(Samples, Tabular):

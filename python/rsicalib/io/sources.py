@@ -16,19 +16,6 @@ from typing import IO, Any
 
 from rsicalib.errors import InputError
 
-__all__ = [
-    "LARGEST_FILE",
-    "LIMIT",
-    "LONGEST_LINE",
-    "STANDARD_INPUT",
-    "decoded",
-    "read_bytes",
-    "read_json",
-    "read_text",
-    "refuse_larger",
-    "unpacked",
-]
-
 STANDARD_INPUT = "-"
 """The path that stands for standard input."""
 

@@ -26,8 +26,6 @@ from rsicalib.io.messages import documents, is_message, message_of, positions_of
 from rsicalib.io.sources import LONGEST_LINE
 from rsicalib.io.tables import PARQUET
 
-__all__ = ["Rows", "rows_of"]
-
 CHUNK = 1 << 16
 """Bytes that are read at a time, at most: what a pipe holds is taken as soon as it is there."""
 

@@ -24,22 +24,6 @@ from rsicalib.errors import InputError
 from rsicalib.io.csv_text import read_csv_text
 from rsicalib.io.sources import decoded, read_bytes, refuse_larger, unpacked
 
-__all__ = [
-    "File",
-    "Ragged",
-    "Table",
-    "chunks",
-    "is_blank",
-    "numbers",
-    "quoted",
-    "read_file",
-    "read_table",
-    "table_of_arrays",
-    "table_of_file",
-    "table_of_numbers",
-    "text",
-]
-
 PARQUET = {".parquet", ".pq"}
 CHUNK = 1 << 25
 """Bytes of a CSV file that are read at a time."""

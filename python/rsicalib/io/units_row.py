@@ -9,8 +9,6 @@ from rsicalib.errors import InputError
 from rsicalib.io.cells import POSE, MechanismLike
 from rsicalib.io.tables import Table, is_blank, quoted
 
-__all__ = ["without_units"]
-
 UNIT = re.compile(r"[^\W\d][\w/^*·. -]{0,15}|[°%][\w/]{0,8}")
 """What a unit looks like; no number does."""
 

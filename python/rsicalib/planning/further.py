@@ -25,8 +25,6 @@ from rsicalib.work.arguments import CalibrationArg, MechanismArg, SessionsArg
 from rsicalib.work.job import Work
 from rsicalib.work.outcome import described
 
-__all__ = ["Choice", "Sessions", "explanations", "plan_further"]
-
 Explained = tuple[list[str], float, float]
 """Effects, penalised χ², probability."""
 

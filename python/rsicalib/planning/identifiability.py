@@ -23,8 +23,6 @@ from rsicalib.facts.records import Record
 from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import MechanismArg, open_mechanism
 
-__all__ = ["COMPLETE", "Counted", "Identifiable", "identifiable"]
-
 COMPLETE = _core.COMPLETE
 """Complete geometry of any chain, with its sensors; and where there are such, `point_position` and
 `distance`."""

@@ -28,7 +28,6 @@ from rsicalib.work.arguments import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["SCALINGS", "Measures", "Observability", "observability"]
 
 SCALINGS = _core.SCALINGS
 """Scalings of the Jacobian's columns, by name."""

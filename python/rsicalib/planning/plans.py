@@ -23,8 +23,6 @@ from rsicalib.work.arguments import PathLike
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Bound", "Forecast", "Hidden", "Plan", "Spread", "WorstHidden"]
-
 
 @dataclass(frozen=True, eq=False)
 class Bound(Alike, Record):

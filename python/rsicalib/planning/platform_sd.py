@@ -33,8 +33,6 @@ from rsicalib.work.arguments import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["View", "Workspace", "readings_at_work", "workspace"]
-
 
 View: TypeAlias = Literal["xy", "xz", "yz"]
 """The plane that `plot` looks at."""

@@ -31,7 +31,6 @@ from rsicalib.work.outcome import about
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["SupposedEffect", "SupposedParameter", "Supposition", "suppose"]
 
 SEEN = 0.5
 """An effect that is found more often than not is called visible."""

@@ -25,8 +25,6 @@ from rsicalib.work.arguments import (
 )
 from rsicalib.work.closing import warn_of_open_loops
 
-__all__ = ["forward", "forward_sd", "inverse"]
-
 PlacesT = TypeVar("PlacesT", bound=FrameArg)
 """A data frame goes in and comes out."""
 

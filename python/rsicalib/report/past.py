@@ -27,7 +27,6 @@ from rsicalib.units import axis_words
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Forecast", "History", "Jump", "LeftOut", "Past", "Series"]
 
 FORMAT = "rsicalib.history/1"
 

@@ -21,15 +21,6 @@ from rsicalib.reproduction.edges import edge, intervals
 from rsicalib.reproduction.placing import exact_readings
 from rsicalib.reproduction.trials import ITERATIONS, Estimate, Progress, run
 
-__all__ = [
-    "Region",
-    "Starts",
-    "convergence_equal",
-    "convergence_independent",
-    "converges",
-    "start_success",
-]
-
 CLOSE = 1e-3
 """A gain this near to the truth, as a fraction of it, is the right solution and no other."""
 

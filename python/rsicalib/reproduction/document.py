@@ -7,8 +7,6 @@ from html import escape
 
 from rsicalib.facts.records import Record
 
-__all__ = ["Cell", "Misprint", "Paper", "Row", "Table"]
-
 
 @dataclass(frozen=True)
 class Cell(Record):

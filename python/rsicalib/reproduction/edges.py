@@ -9,8 +9,6 @@ import numpy as np
 
 from rsicalib.facts.records import Record
 
-__all__ = ["Edge", "edge", "intervals"]
-
 
 @dataclass(frozen=True)
 class Edge(Record):

@@ -15,8 +15,6 @@ from rsicalib.poses.devices import Device
 from rsicalib.reproduction.placing import exact_readings, placed
 from rsicalib.reproduction.trials import ITERATIONS, Estimate, Progress, rms, rms_of_rows, run
 
-__all__ = ["NoiseCell", "averaged", "closed_loop_noise", "fixture_lines", "open_loop_noise"]
-
 
 @dataclass(frozen=True)
 class NoiseCell(Record):

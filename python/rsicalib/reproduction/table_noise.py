@@ -8,8 +8,6 @@ from rsicalib.reproduction.document import Cell, Row, Table
 from rsicalib.reproduction.noise import NoiseCell, closed_loop_noise, open_loop_noise
 from rsicalib.reproduction.study import Study
 
-__all__ = ["table_ix"]
-
 
 def table_ix(study: Study) -> tuple[Table, dict[str, float]]:
     """Table IX, and the errors of the offsets in its closed-loop cells by name."""

@@ -19,8 +19,6 @@ from rsicalib.cores import available_cores
 from rsicalib.errors import InputError
 from rsicalib.facts.records import Record
 
-__all__ = ["ITERATIONS", "Estimate", "Progress", "rms", "rms_of_rows", "run"]
-
 Progress = Callable[[int, int], None]
 """Called with the trials that are done, and all of them."""
 

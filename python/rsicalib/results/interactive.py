@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import polars
     from matplotlib.axes import Axes
 
-__all__ = ["Interactive", "Kind"]
 
 Kind: TypeAlias = Literal["residuals", "effects", "parameters"]
 """What `plot` draws."""

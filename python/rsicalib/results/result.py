@@ -24,8 +24,6 @@ from rsicalib.plain_text import counted
 from rsicalib.report.words import quality
 from rsicalib.results.interactive import Interactive
 
-__all__ = ["Calibration", "Result", "Trace", "load_calibration"]
-
 
 class Result(Interactive):
     """What a calibration and a traced calibration have in common."""

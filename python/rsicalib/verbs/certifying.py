@@ -17,6 +17,7 @@ from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, InputTypeError
+from rsicalib.facts.certified import Known, Source, Uncertainty
 from rsicalib.facts.shapes import TraceShape
 from rsicalib.io.builtin import DEFAULT
 from rsicalib.io.cells import POSE
@@ -28,7 +29,7 @@ from rsicalib.planning.platform_sd import readings_at_work
 from rsicalib.poses.devices import Device
 from rsicalib.poses.places import readings_for
 from rsicalib.report.words import listed_words, subject
-from rsicalib.results.certificate import Certificate, Known, Source, Uncertainty
+from rsicalib.results.certificate import Certificate
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_table
 from rsicalib.work.arguments import (
@@ -39,8 +40,6 @@ from rsicalib.work.arguments import (
     earlier_result,
     open_mechanism,
 )
-
-__all__ = ["certify"]
 
 PLACES, SEED, POSES = 200, 1, 6
 """Places of the workspace, the seed that they are drawn with, poses that are proposed."""

@@ -21,8 +21,6 @@ from rsicalib.results.result import Result
 from rsicalib.verbs.monitor import Alarm, Kept, Monitor, Watch
 from rsicalib.work.arguments import MechanismArg, PathLike, earlier_result, open_mechanism
 
-__all__ = ["WatchingDevices", "watch_devices"]
-
 AWAKE = 128
 """Monitors that are in memory at a time, where nothing else is said: some 250 MB."""
 

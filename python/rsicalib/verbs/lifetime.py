@@ -24,8 +24,6 @@ from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
 from rsicalib.work.arguments import MechanismArg, earlier_result, open_mechanism
 
-__all__ = ["history"]
-
 DAY_S = 86_400.0
 POSES = 40
 """Poses of the workspace over which the platform's error is averaged."""

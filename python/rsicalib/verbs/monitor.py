@@ -38,8 +38,6 @@ from rsicalib.work.arguments import (
 )
 from rsicalib.work.state import read_state, write_state
 
-__all__ = ["Alarm", "Change", "Monitor", "Suspect", "Watch", "watch"]
-
 ALARM = "rsicalib.alarm/1"
 
 ACTIONS = {"go_on": "go on", "recalibrate": "calibrate again", "stop": "stop"}

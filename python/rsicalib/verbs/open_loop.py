@@ -17,8 +17,6 @@ from rsicalib.work.closing import open_loops
 from rsicalib.work.job import Work
 from rsicalib.work.outcome import NOTHING, DateArg, about
 
-__all__ = ["fixture"]
-
 
 @options.checked
 def fixture(

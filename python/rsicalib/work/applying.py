@@ -14,8 +14,6 @@ from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
 
-__all__ = ["Known", "as_applied", "as_table", "covariance_of", "posed", "tell_closures"]
-
 Known: TypeAlias = tuple[dict[str, Any], FloatArray, tuple[float, float], str | None, bool]
 """Table of readings, the poses they were taken in, shape (n, 6), the point whose places they are (a
 place has no orientation), and whether the table says what closures touch and measure."""

@@ -24,22 +24,6 @@ from rsicalib.plain_text import meant
 from rsicalib.results.result import Result, load_calibration
 from rsicalib.work.edited import edits, refuse_other_units
 
-__all__ = [
-    "Bare",
-    "CalibrationArg",
-    "FramelessArg",
-    "MechanismArg",
-    "PathLike",
-    "ReadingsArg",
-    "SessionsArg",
-    "earlier_result",
-    "grouped",
-    "load",
-    "noise_of_channels",
-    "open_mechanism",
-    "with_logs",
-]
-
 PathLike: TypeAlias = str | os.PathLike[str]
 MechanismArg: TypeAlias = PathLike | Mapping[str, Any] | Mechanism
 FramelessArg: TypeAlias = PathLike | Readings | Log | ArraysArg

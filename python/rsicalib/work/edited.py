@@ -16,8 +16,6 @@ from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
 
-__all__ = ["edits", "own_misclosure", "refuse_other_units"]
-
 ROWS = 64
 """Readings within the span of the session at which the misclosure that is expected is taken: it is
 a mean over them, and theirs differ by less than what the core calls more."""

@@ -11,8 +11,6 @@ from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.io.sources import read_json
 
-__all__ = ["FORMAT", "PopulationArg", "expected_of", "read_population"]
-
 FORMAT = "rsicalib.population/1"
 
 PopulationArg: TypeAlias = str | os.PathLike[str] | Mapping[str, Any]

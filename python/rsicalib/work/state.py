@@ -13,8 +13,6 @@ from rsicalib.facts.records import to_json
 from rsicalib.io.files import write_bytes
 from rsicalib.io.sources import read_bytes
 
-__all__ = ["read_state", "write_state"]
-
 FORMAT = "rsicalib.watch-state/1"
 
 
