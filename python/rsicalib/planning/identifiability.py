@@ -15,7 +15,6 @@ length is known. The core counts; see `rsicalib::design::identifiability`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from rsicalib import _core, options
@@ -28,7 +27,6 @@ COMPLETE = _core.COMPLETE
 `distance`."""
 
 
-@dataclass(frozen=True)
 class Counted(Record):
     """One term: how many parameters it has, and how many could be told apart from all others."""
 
@@ -40,8 +38,7 @@ class Counted(Record):
     """Rank with every other parameter unknown."""
 
 
-@dataclass(frozen=True, repr=False)
-class Identifiable(Tabular, Record):
+class Identifiable(Tabular, Record, repr=False):
     """What readings of a mechanism could tell.
 
     Attributes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-@dataclass(frozen=True, eq=False)
-class Bound(Alike, Record):
+class Bound(Alike, Record, eq=False):
     """The least uncertainty that any unbiased estimate from these poses can have."""
 
     noise: float
@@ -53,7 +52,6 @@ class Bound(Alike, Record):
         return _rms(self.joint_sd)
 
 
-@dataclass(frozen=True)
 class Spread(Record):
     """Standard deviation of the platform before and after a plan."""
 
@@ -63,7 +61,6 @@ class Spread(Record):
     """With the poses of the plan."""
 
 
-@dataclass(frozen=True)
 class WorstHidden(Record):
     """An absent effect, and what it does to the platform at the size that just shows."""
 
@@ -75,7 +72,6 @@ class WorstHidden(Record):
     """What it does to the platform [length unit, rad]."""
 
 
-@dataclass(frozen=True)
 class Hidden(Record):
     """The worst effect that could be there unseen, before and after a plan."""
 
@@ -85,7 +81,6 @@ class Hidden(Record):
     """With the poses of the plan."""
 
 
-@dataclass(frozen=True)
 class Forecast(Record):
     """What is to be expected of a plan."""
 
@@ -102,8 +97,7 @@ class Forecast(Record):
     """The worst effect that could be there unseen."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Plan(Alike, Tabular, Record):
+class Plan(Alike, Tabular, Record, eq=False, repr=False):
     """Poses to visit."""
 
     mechanism: str

@@ -7,7 +7,6 @@ on simulated readings without noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -64,7 +63,6 @@ def converges(
     return bool(np.all(np.abs(found / device.gains - 1) < CLOSE))
 
 
-@dataclass(frozen=True)
 class Region(Record):
     """From which equal gains the paper's method converges.
 
@@ -190,7 +188,6 @@ def convergence_independent(
     return np.sort(np.concatenate(chunks))
 
 
-@dataclass(frozen=True)
 class Starts(Record):
     """How often a start with independent gain errors succeeds.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +15,6 @@ from rsicalib.reproduction.placing import exact_readings, placed
 from rsicalib.reproduction.trials import ITERATIONS, Estimate, Progress, rms, rms_of_rows, run
 
 
-@dataclass(frozen=True)
 class NoiseCell(Record):
     """Errors of offsets and gains over trials, as in Table IX.
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -31,7 +30,6 @@ ITERATIONS = 200
 """Linearisations before a trial counts as failed."""
 
 
-@dataclass(frozen=True)
 class Estimate(Record):
     """A mean over trials.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from rsicalib.arrays import Alike
 from rsicalib.facts.certified import CertificateShape
 from rsicalib.report.sheet import sheet
@@ -14,8 +12,7 @@ EXIT_CODES: dict[str, int] = {"within": 0, "not within": 4, "undecided": 3}
 """What the command returns."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Certificate(Alike, Told, CertificateShape):
+class Certificate(Alike, Told, CertificateShape, eq=False, repr=False):
     """Whether the largest error of a calibrated mechanism is within a limit."""
 
     @property

@@ -26,7 +26,7 @@ HIDDEN = 6
 """Effects that could hide which `plot("effects")` draws at the most."""
 
 
-class Interactive(ResultShape):
+class Interactive(ResultShape, eq=False, repr=False, kw_only=True):
     """Access to a result: as a row of `sqlite3`, by name and by number.
 
     `result["gain@a11"]` and `result[0]` are parameters, `keys()` are their names, and iteration

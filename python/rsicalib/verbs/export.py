@@ -32,7 +32,6 @@ NotedKind: TypeAlias = Literal["new_row", "column", "no_place", "of_its_session"
 """What a note is about; `apply/export.rs` of the core says what each of them means."""
 
 
-@dataclass(frozen=True)
 class Noted(Record):
     """What a mechanism with the parameters in it does not tell by itself."""
 

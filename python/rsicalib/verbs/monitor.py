@@ -9,7 +9,6 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -51,7 +50,6 @@ SAVED_S = 1.0
 """A state on disk is no older, beside what the last rows have changed."""
 
 
-@dataclass(frozen=True)
 class Change(Record):
     """By how much one parameter has changed."""
 
@@ -65,7 +63,6 @@ class Change(Record):
     """Unit of both."""
 
 
-@dataclass(frozen=True)
 class Suspect(Record):
     """A change that fits as well."""
 
@@ -75,8 +72,7 @@ class Suspect(Record):
     """What the term belongs to."""
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Alarm(Told, Record):
+class Alarm(Told, Record, kw_only=True, repr=False):
     """A change of the device since its calibration: one line of `rsicalib watch`."""
 
     format: str = ALARM
@@ -159,8 +155,7 @@ class Alarm(Told, Record):
         return f"<Alarm in row {self.row}: {self.term}@{self.target} by {size}>"
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Watch(Told, Record):
+class Watch(Told, Record, kw_only=True, repr=False):
     """Summary of a watch."""
 
     format: str = WATCH
