@@ -49,7 +49,7 @@ def write(ask: Ask) -> dict[str, str]:
         changed.append(joint)
     if not changed:
         found, expected = f"the joints {', '.join(document)}", "some of the mechanism's"
-        raise InputError.at(base, found=found, expected=f"{expected} (follower_…)")
+        raise InputError.at(base, found, f"{expected} (follower_…)")
     notes = [
         "ranges are whole steps: each end is right to half a step",
         *notes,

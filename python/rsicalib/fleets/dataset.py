@@ -153,12 +153,12 @@ class Dataset:
     def __init__(self, path: Path, by: str) -> None:
         self.path, self.by = path, by
         if not os.path.exists(path):
-            raise InputError.at(str(path), found="no such file", expected="a file or a folder")
+            raise InputError.at(str(path), "no such file", "a file or a folder")
         try:
             files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
         except OSError as error:
             found = f"what cannot be read ({error.strerror}: {error.filename})"
-            raise InputError.at(str(path), found=found, expected="a file or a folder") from None
+            raise InputError.at(str(path), found, "a file or a folder") from None
         tables = [p for p in files if path.is_file() or (p.stem != "rest" and p.name != LEVELS)]
         self.parquet = [p for p in tables if p.suffix.lower() in PARQUET]
         self.folders = sorted(p.parent for p in tables if p.name == "readings.csv")
@@ -172,7 +172,7 @@ class Dataset:
         kinds = [kind for kind in (self.parquet, self.folders, self.csv) if kind]
         if len(kinds) != 1:
             found = "Parquet and CSV files" if kinds else "no Parquet and no CSV file"
-            raise InputError.at(str(path), found=found, expected="one kind of files of readings")
+            raise InputError.at(str(path), found, "one kind of files of readings")
         folder = path.parent if path.is_file() else path
         self.levels = folder / LEVELS if (folder / LEVELS).is_file() else None
         beside = [folder / f"rest{suffix}" for suffix in (".csv", ".parquet")]
@@ -392,9 +392,7 @@ def pyarrow_modules(source: str) -> tuple[Any, Any]:
         return importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
     except ImportError:
         hint = "Install it with: pip install rsicalib[parquet]"
-        raise InputError.at(
-            source, found="no pyarrow", expected="pyarrow for Parquet", hint=hint
-        ) from None
+        raise InputError.at(source, "no pyarrow", "pyarrow for Parquet", hint=hint) from None
 
 
 @dataclass(frozen=True)
@@ -439,11 +437,11 @@ def _opened(file: Path, by: str) -> Iterator[Any]:
         opened = parquet.ParquetFile(file)
         if by not in opened.schema_arrow.names:
             found = f"no column {by!r} ({', '.join(opened.schema_arrow.names)})"
-            raise InputError.at(str(file), found=found, expected="one that names the device")
+            raise InputError.at(str(file), found, "one that names the device")
         yield opened
     except (pyarrow.ArrowException, OSError) as error:
         found = f"what pyarrow cannot read ({error})"
-        raise InputError.at(str(file), found=found, expected="a Parquet file") from None
+        raise InputError.at(str(file), found, "a Parquet file") from None
 
 
 def _ends(
@@ -479,9 +477,9 @@ def _columns(table: Table, by: str) -> Columns:
         row, misfit = min(table.ragged.items())
         raise InputError.at(
             table.source,
+            misfit.found,
+            misfit.expected,
             line=int(table.lines[row]),
-            found=misfit.found,
-            expected=misfit.expected,
             line_word=table.line_word,
         )
     columns: Columns = dict(zip(table.names, table.columns, strict=True))

@@ -93,17 +93,17 @@ def beside(path: Path, by: str, names: tuple[str, ...]) -> Levels:
     for name in (by, *names):
         if name not in columns:
             found = f"no column {name!r} ({', '.join(table.names)})"
-            raise InputError.at(str(path), found=found, expected=f"columns {by} and the levels")
+            raise InputError.at(str(path), found, f"columns {by} and the levels")
     cells = {name: list(columns[name]) for name in (by, *names)}
 
     def refused(row: int, column: str, found: str, expected: str) -> InputError:
         return InputError.at(
             str(path),
+            found,
+            expected,
             line=int(table.lines[row]),
             line_word=table.line_word,
             column=column,
-            found=found,
-            expected=expected,
         )
 
     out: dict[str, tuple[str, ...]] = {}

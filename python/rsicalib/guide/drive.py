@@ -131,7 +131,7 @@ class Robot:
         return float(value)
 
     def _refused(self, found: str, expected: str) -> InputError:
-        return InputError.at("--drive", line=max(self.lines, 1), found=found, expected=expected)
+        return InputError.at("--drive", found, expected, line=max(self.lines, 1))
 
 
 def drive(session: Session, robot: Robot, show: Any) -> None:

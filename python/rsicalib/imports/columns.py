@@ -57,7 +57,7 @@ def _files(path: Path) -> list[Path]:
         return [path]
     found = sorted(file for file in path.rglob("*") if file.suffix.lower() in PARQUET)
     if not found:
-        raise InputError.at(str(path), found="no Parquet file", expected="some")
+        raise InputError.at(str(path), "no Parquet file", "some")
     return found
 
 
@@ -69,10 +69,10 @@ def _whole(table: Table, asked: Asked) -> Table:
     if not asked.skip_bad_rows:
         raise InputError.at(
             table.source,
+            fault.found,
+            fault.expected,
             line=int(table.lines[row]),
             column=fault.column,
-            found=fault.found,
-            expected=fault.expected,
             hint=f"{len(table.ragged)} such rows: leave them out by --skip-bad-rows.",
             line_word=table.line_word,
         )
@@ -88,9 +88,9 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
     if np.isfinite(named).all() and not np.array_equal(named, np.arange(len(named))):
         raise InputError.at(
             table.source,
+            "numbers",
+            "names of columns",
             line=table.header,
-            found="numbers",
-            expected="names of columns",
             hint="Put a header line above them.",
             line_word=table.line_word,
         )
@@ -112,7 +112,7 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
     places = chosen(channels, table.names, table.source)
     if not places or not len(table.lines):
         said = "no rows" if places else "no column of numbers"
-        raise InputError.at(table.source, found=said, expected="readings of at least one channel")
+        raise InputError.at(table.source, said, "readings of at least one channel")
     blank = np.array([[is_blank(c) for c in table.columns[k]] for k in places.values()]).T
     keep, others = whole_rows(
         ~blank, list(places), table.lines, table.source, asked.skip_bad_rows, table.line_word
@@ -130,10 +130,10 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
             line = int(table.lines[keep[found]])
             raise InputError.at(
                 table.source,
+                quoted(cells[found]),
+                "a time: seconds, an integer since 1970, or a date as ISO 8601 has it",
                 line=line,
                 column=table.names[place],
-                found=quoted(cells[found]),
-                expected="a time: seconds, an integer since 1970, or a date as ISO 8601 has it",
                 line_word=table.line_word,
             )
         time, note = found
@@ -148,7 +148,7 @@ def _refuse_timeless(recording: Recording, table: Table, asked: Asked) -> None:
     hint = f"Those of the log: {', '.join(table.names)[:300]}. Name one so, or say how many rows "
     hint += "there are in a second by rsicalib import --rate HZ, or take all by --hold 0."
     expected = "one called time, timestamp or t, with its unit or without (time_ms)"
-    raise InputError.at(table.source, found="no column of times", expected=expected, hint=hint)
+    raise InputError.at(table.source, "no column of times", expected, hint=hint)
 
 
 def _numeric(table: Table, place: int) -> bool:
@@ -177,10 +177,10 @@ def _cells(table: Table, place: int, keep: np.ndarray) -> FloatArray:
         again = "The header stands here once more, or the first line is none."
         raise InputError.at(
             table.source,
+            quoted(cell),
+            "a finite number",
             line=int(table.lines[row]),
             column=name,
-            found=quoted(cell),
-            expected="a finite number",
             hint=again if text(cell) == name else "",
             line_word=table.line_word,
         )
@@ -243,16 +243,15 @@ def whole_rows(
         hint += f"{_together(there[part], names)}."
         raise InputError.at(
             source,
+            f"no reading of {', '.join(missing)}",
+            f"one of each of the {len(names)} channels, or of none",
             line=int(lines[row]),
-            column=missing[0],
-            found=f"no reading of {', '.join(missing)}",
-            expected=f"one of each of the {len(names)} channels, or of none",
             hint=hint,
             line_word=word,
-            column_word="",
+            place=missing[0],
         )
     whole = np.flatnonzero(count == len(names))
     if not whole.size:
         expected = f"readings of {', '.join(names)} in one {word}"
-        raise InputError.at(source, found=f"no {word} with all of them", expected=expected)
+        raise InputError.at(source, f"no {word} with all of them", expected)
     return whole, len(there) - len(whole)

@@ -54,14 +54,7 @@ def read(source: str, asked: Asked) -> Log:
     if not probes:
         hint = "Run DELTA_CALIBRATE and SAVE_CONFIG first."
         expected = "heights and steps: height0, height0_pos, …"
-        raise InputError.at(
-            source,
-            column="[delta_calibrate]",
-            found="none",
-            expected=expected,
-            hint=hint,
-            column_word="",
-        )
+        raise InputError.at(source, "none", expected, hint=hint, place="[delta_calibrate]")
     height, _ = Counter(h for h, _, _ in probes).most_common(1)[0]
     ends = [_measured(config, "distance", end) for end in ("_pos1", "_pos2")]
     if ends[0]:

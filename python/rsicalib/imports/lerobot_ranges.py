@@ -36,7 +36,5 @@ def read_calibration(path: str) -> dict[str, dict[str, int]]:
             value = entry.get(key) if isinstance(entry, dict) else None
             if not isinstance(value, int):
                 place = f"{joint}.{key}"
-                raise InputError.at(
-                    path, column=place, found=repr(value), expected="an integer", column_word=""
-                )
+                raise InputError.at(path, repr(value), "an integer", place=place)
     return found

@@ -80,11 +80,11 @@ def import_log(
             format = "columns"
         if format is None:
             found, expected, hint = _unknown(name)
-            raise InputError.at(name, found=found, expected=expected, hint=hint)
+            raise InputError.at(name, found, expected, hint=hint)
     elif format not in KINDS:
         found = f"no format {format!r}{meant(format, KINDS)}"
         expected = f"one of {', '.join(KINDS)}"
-        raise InputError.at(name, found=found, expected=expected)
+        raise InputError.at(name, found, expected)
     given = {"topic": topic, "when": when, "rate": rate, "episodes": episodes, "ranges": ranges}
     useless = [k for k, v in given.items() if v and k not in KINDS[format].takes.split()]
     if useless:

@@ -42,7 +42,7 @@ def in_columns(table: Table) -> Table:
     known = [n for n in TIMES if n in columns and not any(map(is_blank, columns[n]))]
     if not known:
         expected = f"a time in each row ({', '.join(TIMES)})"
-        raise InputError.at(table.source, found="rows without one", expected=expected)
+        raise InputError.at(table.source, "rows without one", expected)
     cells: Sequence[Any] = list(columns[known[0]])
     found = seconds(cells, known[0])
     if isinstance(found, int):
@@ -65,9 +65,9 @@ def in_columns(table: Table) -> Table:
 def _refuse(table: Table, row: int, column: str, found: str, expected: str) -> InputError:
     return InputError.at(
         table.source,
+        found,
+        expected,
         line=int(table.lines[row]),
         column=column,
-        found=found,
-        expected=expected,
         line_word=table.line_word,
     )

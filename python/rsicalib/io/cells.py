@@ -116,9 +116,7 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
     line = table.header if table.line_word == "line" else None
 
     def refuse(column: str, found: str, expected: str, hint: str = "") -> InputError:
-        return InputError.at(
-            table.source, line=line, column=column, found=found, expected=expected, hint=hint
-        )
+        return InputError.at(table.source, found, expected, line=line, column=column, hint=hint)
 
     index: dict[str, int] = {}
     for position, name in enumerate(table.names):

@@ -83,7 +83,7 @@ def _rows(
             lines.append(above + reader.line_num + 1)  # where the next one begins
     except csv.Error as error:
         expected = "comma-separated values, quotes in pairs"
-        raise InputError.at(source, line=lines[-1], found=str(error), expected=expected) from None
+        raise InputError.at(source, str(error), expected, line=lines[-1]) from None
     return rows, lines
 
 
@@ -103,7 +103,5 @@ def _decimal(rows: list[list[str]], lines: Iterable[int], source: str) -> str:
         name = rows[0][column] if column < len(rows[0]) else None
         found = f"{cell.strip()!r}, which can be a decimal or thousands"
         hint = "Write numbers with a decimal point, and without marks between thousands."
-        raise InputError.at(
-            source, line=line, column=name, found=found, expected="a number", hint=hint
-        )
+        raise InputError.at(source, found, "a number", line=line, column=name, hint=hint)
     return ","

@@ -171,7 +171,7 @@ class Readings(Samples, Tabular):
         keep = np.asarray(mask)
         if keep.dtype != np.bool_ or keep.shape != (len(self),):
             found = f"a mask of shape {keep.shape} and type {keep.dtype}"
-            raise InputError.at(self.source, found=found, expected=f"{len(self)} truth values")
+            raise InputError.at(self.source, found, f"{len(self)} truth values")
 
         def rows(array: Any) -> Any:
             return None if array is None else frozen(array[keep])
@@ -299,7 +299,7 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
     table = without_units(table, mechanism, index)
     if not len(table.lines):
         found, expected = "no readings", "at least one row below the header"
-        raise InputError.at(table.source, found=found, expected=expected)
+        raise InputError.at(table.source, found, expected)
     cells, faults = read_cells(table, mechanism, index)
     if skip_bad_rows:
         ends = _at_an_end(cells, mechanism) | faults
@@ -372,7 +372,7 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
 def _used(readings: Readings, used: npt.NDArray[np.bool_]) -> Readings:
     """The rows that are used, of the session that all are."""
     if not used.any():
-        raise InputError.at(readings.source, column=USED, found="0 in every row", expected="a 1")
+        raise InputError.at(readings.source, "0 in every row", "a 1", column=USED)
     return readings if used.all() else readings.select(used)
 
 
@@ -398,10 +398,10 @@ def _skipped(table: Table, faults: dict[int, Fault], skip_bad_rows: bool) -> tup
         advice = "Correct the file, or drop such rows with skip_bad_rows (--skip-bad-rows)."
         raise InputError.at(
             table.source,
+            fault.found,
+            fault.expected,
             line=int(table.lines[first]),
             column=fault.column,
-            found=fault.found,
-            expected=fault.expected,
             hint=others + advice if len(faults) < len(table.lines) else "No row can be used.",
             line_word=table.line_word,
         )

@@ -60,10 +60,10 @@ def without_units(table: Table, mechanism: MechanismLike, index: dict[str, int])
             continue
         raise InputError.at(
             table.source,
+            f"unit {quoted(found)}",
+            f"unit '{expected}'" if expected else "no unit",
             line=int(table.lines[0]),
             column=name,
-            found=f"unit {quoted(found)}",
-            expected=f"unit '{expected}'" if expected else "no unit",
             hint="Convert the column, or declare its unit in the mechanism.",
         )
     ragged = {i - 1: fault for i, fault in table.ragged.items() if i}

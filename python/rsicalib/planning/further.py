@@ -74,7 +74,7 @@ class Sessions:
         if digest != self.result.readings.sha256:
             source = ", ".join(r.source for r in job.readings)
             expected = f"the readings of the result, SHA-256 {self.result.readings.sha256}"
-            raise InputError.at(source, found=f"readings with SHA-256 {digest}", expected=expected)
+            raise InputError.at(source, f"readings with SHA-256 {digest}", expected)
         self.readings = job.readings
         noise = self.result.noise
         declared = noise is not None and noise.kind == "declared"

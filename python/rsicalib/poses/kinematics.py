@@ -240,5 +240,5 @@ def _pose_columns(frame: FrameArg) -> npt.NDArray[Any]:
     columns = columns_of(frame)
     missing = [name for name in POSE if name not in columns]
     if missing:
-        raise InputError.at(SOURCE, found=f"no column {' '.join(missing)}", expected=" ".join(POSE))
+        raise InputError.at(SOURCE, f"no column {' '.join(missing)}", " ".join(POSE))
     return np.stack([np.asarray(columns[name]) for name in POSE], axis=-1)

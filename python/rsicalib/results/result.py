@@ -202,6 +202,4 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | Trace:
         vars(result)["_file"] = name
         return result
     except ResultError as error:
-        raise InputError.at(
-            name, column=error.place, found=error.found, expected=error.expected, column_word=""
-        ) from None
+        raise InputError.at(name, error.found, error.expected, place=error.place) from None

@@ -234,23 +234,21 @@ def _poses_of(at: Any, mechanism: Mechanism) -> FloatArray | None:
         missing = [name for name in POSE if name not in table.names]
         if missing:
             expected = "x y z rx ry rz, or one column for each channel"
-            raise InputError.at(
-                table.source, column=missing[0], found="no such column", expected=expected
-            )
+            raise InputError.at(table.source, "no such column", expected, column=missing[0])
         columns = [table.numbers(table.names.index(name)) for name in POSE]
         poses = np.stack(columns, axis=1)
         for row, column in np.argwhere(~np.isfinite(poses)):
             cell = table.columns[table.names.index(POSE[column])][row]
             raise InputError.at(
                 table.source,
+                quoted(cell),
+                "a number",
                 line=int(table.lines[row]),
                 line_word=table.line_word,
                 column=POSE[column],
-                found=quoted(cell),
-                expected="a number",
             )
         if not len(poses):
-            raise InputError.at(table.source, found="no row", expected="a pose at least")
+            raise InputError.at(table.source, "no row", "a pose at least")
         return poses
     if isinstance(at, list | tuple | np.ndarray):
         try:
@@ -276,9 +274,7 @@ def _refuse_beyond_limits(readings: Readings, device: Device) -> None:
         if len(wrong):
             found = f"{joint[wrong[0]]:.6g} in pose {readings.pose[wrong[0]]}"
             expected = f"{low:g} to {high:g}, the limits of its joint"
-            raise InputError.at(
-                readings.source, column=channel.name, found=found, expected=expected
-            )
+            raise InputError.at(readings.source, found, expected, column=channel.name)
 
 
 def _unfit(result: Result, reasons: Sequence[str]) -> Iterator[str]:

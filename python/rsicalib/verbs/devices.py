@@ -106,7 +106,7 @@ def _results(folder: Path, mechanism: Mechanism) -> dict[str, Path]:
             latest[result.device] = (day, path)
     if not latest:
         found, expected = "no result of a named device", "results of `calibrate --device NAME`"
-        raise InputError.at(str(folder), found=found, expected=expected)
+        raise InputError.at(str(folder), found, expected)
     return {name: path for name, (_, path) in latest.items()}
 
 

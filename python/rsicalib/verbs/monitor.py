@@ -361,7 +361,7 @@ class Monitor:
             monitor = cls(result, own, false_alarms=head["false_alarms"])
         except (KeyError, TypeError) as error:
             found, expected = f"a head without {error}", "what a watch has written"
-            raise InputError.at(str(path), found=found, expected=expected) from None
+            raise InputError.at(str(path), found, expected) from None
         monitor._core.restore(state)
         return monitor
 
@@ -384,7 +384,7 @@ class Monitor:
             if head.get(key) != own[key]:
                 found = f"the state of a watch with another {words}"
                 expected = "the same, or another file for this watch"
-                raise InputError.at(str(path), found=found, expected=expected)
+                raise InputError.at(str(path), found, expected)
         self._core.restore(state)
         return head
 
@@ -496,7 +496,7 @@ def _rows(
         if kind not in (None, "echo"):
             found = f"a {KINDS[kind].words}, which is read when it is whole"
             expected = "lines that grow, such as ros2 topic echo /joint_states > FILE"
-            raise InputError.at(os.fspath(readings), found=found, expected=expected)
+            raise InputError.at(os.fspath(readings), found, expected)
         return rows_of(readings, joints_of(given), follow=follow)
     log = import_log(readings, mechanism=given, hold=0.0)
     return (Rows(one.values, one.time_s) for one in log.readings(Bare(opened)))
@@ -573,7 +573,7 @@ class Kept:
         if not same:
             found = f"the state of a watch that has seen other rows of {self._source}"
             expected = "the same file, grown; remove the state to begin anew"
-            raise InputError.at(str(self._state), found=found, expected=expected)
+            raise InputError.at(str(self._state), found, expected)
 
     def save(self, untold: list[Alarm]) -> None:
         """Write all that is known, and the alarms that are about to be told."""

@@ -100,6 +100,4 @@ def refuse_other_units(result: Result, mechanism: Mechanism, where: str) -> None
         if found and units and found not in units:
             place = f"parameters[{number}].unit"
             expected = " or ".join(repr(unit) for unit in dict.fromkeys(units))
-            raise InputError.at(
-                where, found=repr(found), expected=expected, column=place, column_word=""
-            )
+            raise InputError.at(where, repr(found), expected, place=place)

@@ -31,10 +31,10 @@ def read_population(population: PopulationArg, mechanism: Mechanism) -> dict[str
     else:
         found = read_json(population, "population.json")
     if found.get("format") != FORMAT:
-        raise InputError.at(where, found="another format", expected=FORMAT)
+        raise InputError.at(where, "another format", FORMAT)
     if found.get("mechanism") != mechanism.name:
         own = f"devices of {found.get('mechanism')!r}"
-        raise InputError.at(where, found=own, expected=f"of {mechanism.name!r}")
+        raise InputError.at(where, own, f"of {mechanism.name!r}")
     return found
 
 
