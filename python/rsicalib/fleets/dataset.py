@@ -475,13 +475,7 @@ def _columns(table: Table, by: str) -> Columns:
     """Columns of a file; labels of devices without surrounding spaces."""
     if table.ragged:
         row, misfit = min(table.ragged.items())
-        raise InputError.at(
-            table.source,
-            misfit.found,
-            misfit.expected,
-            line=int(table.lines[row]),
-            line_word=table.line_word,
-        )
+        raise table.fault(row, None, misfit.found, misfit.expected)
     columns: Columns = dict(zip(table.names, table.columns, strict=True))
     cells = columns.get(by)
     if cells is not None and not isinstance(cells, np.ndarray):

@@ -95,28 +95,17 @@ def beside(path: Path, by: str, names: tuple[str, ...]) -> Levels:
             found = f"no column {name!r} ({', '.join(table.names)})"
             raise InputError.at(str(path), found, f"columns {by} and the levels")
     cells = {name: list(columns[name]) for name in (by, *names)}
-
-    def refused(row: int, column: str, found: str, expected: str) -> InputError:
-        return InputError.at(
-            str(path),
-            found,
-            expected,
-            line=int(table.lines[row]),
-            line_word=table.line_word,
-            column=column,
-        )
-
     out: dict[str, tuple[str, ...]] = {}
     for row in range(len(table.lines)):
         ragged = table.ragged.get(row)
         if ragged is not None:
-            raise refused(row, ragged.column, ragged.found, ragged.expected)
+            raise table.fault(row, ragged.column, ragged.found, ragged.expected)
         for name, column in cells.items():
             if is_blank(column[row]):
-                raise refused(row, name, quoted(column[row]), "a name")
+                raise table.fault(row, name, quoted(column[row]), "a name")
         unit, *own = (text(column[row]) for column in cells.values())
         if out.setdefault(unit, tuple(own)) != tuple(own):
-            raise refused(row, by, f"{unit!r} again, in other groups", "one row of each")
+            raise table.fault(row, by, f"{unit!r} again, in other groups", "one row of each")
     return Levels(by, names, out)
 
 

@@ -67,15 +67,8 @@ def _whole(table: Table, asked: Asked) -> Table:
         return table
     row, fault = min(table.ragged.items())
     if not asked.skip_bad_rows:
-        raise InputError.at(
-            table.source,
-            fault.found,
-            fault.expected,
-            line=int(table.lines[row]),
-            column=fault.column,
-            hint=f"{len(table.ragged)} such rows: leave them out by --skip-bad-rows.",
-            line_word=table.line_word,
-        )
+        hint = f"{len(table.ragged)} such rows: leave them out by --skip-bad-rows."
+        raise table.fault(row, fault.column, fault.found, fault.expected, hint)
     keep = [k for k in range(len(table.lines)) if k not in table.ragged]
     columns: list[Any] = [[column[k] for k in keep] for column in table.columns]
     return replace(table, columns=columns, lines=table.lines[keep], ragged={})
@@ -127,15 +120,9 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
             cells = [str(cell).replace(",", ".") for cell in cells]
         found = seconds(cells, table.names[place])
         if isinstance(found, int):
-            line = int(table.lines[keep[found]])
-            raise InputError.at(
-                table.source,
-                quoted(cells[found]),
-                "a time: seconds, an integer since 1970, or a date as ISO 8601 has it",
-                line=line,
-                column=table.names[place],
-                line_word=table.line_word,
-            )
+            expected = "a time: seconds, an integer since 1970, or a date as ISO 8601 has it"
+            row, name = int(keep[found]), table.names[place]
+            raise table.fault(row, name, quoted(cells[found]), expected)
         time, note = found
         notes += [note] if note else []
     return Recording(tuple(places), values, time, table.lines[keep]), notes
@@ -175,15 +162,8 @@ def _cells(table: Table, place: int, keep: np.ndarray) -> FloatArray:
         row = int(keep[bad[0]])
         cell, name = table.columns[place][row], table.names[place]
         again = "The header stands here once more, or the first line is none."
-        raise InputError.at(
-            table.source,
-            quoted(cell),
-            "a finite number",
-            line=int(table.lines[row]),
-            column=name,
-            hint=again if text(cell) == name else "",
-            line_word=table.line_word,
-        )
+        hint = again if text(cell) == name else ""
+        raise table.fault(row, name, quoted(cell), "a finite number", hint)
     return values
 
 

@@ -396,15 +396,8 @@ def _skipped(table: Table, faults: dict[int, Fault], skip_bad_rows: bool) -> tup
         fault, more = faults[first], len(faults) - 1
         others = f"{more} more row{'s' * (more > 1)} cannot be used. " if more else ""
         advice = "Correct the file, or drop such rows with skip_bad_rows (--skip-bad-rows)."
-        raise InputError.at(
-            table.source,
-            fault.found,
-            fault.expected,
-            line=int(table.lines[first]),
-            column=fault.column,
-            hint=others + advice if len(faults) < len(table.lines) else "No row can be used.",
-            line_word=table.line_word,
-        )
+        hint = others + advice if len(faults) < len(table.lines) else "No row can be used."
+        raise table.fault(first, fault.column, fault.found, fault.expected, hint)
     return tuple(
         Skipped(
             int(table.lines[i]), fault.column, f"found {fault.found}, expected {fault.expected}"

@@ -76,6 +76,15 @@ class Table:
     header: int = 1
     decimal: str = "."
 
+    def fault(
+        self, row: int, column: str | None, found: str, expected: str, hint: str = ""
+    ) -> InputError:
+        """What is wrong with a cell or, without `column`, with a row: ready to be raised."""
+        line, word = int(self.lines[row]), self.line_word
+        return InputError.at(
+            self.source, found, expected, line=line, column=column, hint=hint, line_word=word
+        )
+
     def numbers(self, position: int) -> FloatArray:
         """A column as numbers, shape (n,); NaN where a cell is none."""
         cells = self.columns[position]

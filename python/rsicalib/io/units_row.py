@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from rsicalib.errors import InputError
 from rsicalib.io.cells import POSE, MechanismLike
 from rsicalib.io.tables import Table, is_blank, quoted
 
@@ -58,14 +57,9 @@ def without_units(table: Table, mechanism: MechanismLike, index: dict[str, int])
         expected = units.get(name, "")
         if found.lower() in _written(expected) or is_blank(found):
             continue
-        raise InputError.at(
-            table.source,
-            f"unit {quoted(found)}",
-            f"unit '{expected}'" if expected else "no unit",
-            line=int(table.lines[0]),
-            column=name,
-            hint="Convert the column, or declare its unit in the mechanism.",
-        )
+        unit = f"unit '{expected}'" if expected else "no unit"
+        hint = "Convert the column, or declare its unit in the mechanism."
+        raise table.fault(0, name, f"unit {quoted(found)}", unit, hint)
     ragged = {i - 1: fault for i, fault in table.ragged.items() if i}
     below = [column[1:] for column in table.columns]
     return replace(table, columns=below, lines=table.lines[1:], ragged=ragged)

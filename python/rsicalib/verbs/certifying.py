@@ -239,14 +239,7 @@ def _poses_of(at: Any, mechanism: Mechanism) -> FloatArray | None:
         poses = np.stack(columns, axis=1)
         for row, column in np.argwhere(~np.isfinite(poses)):
             cell = table.columns[table.names.index(POSE[column])][row]
-            raise InputError.at(
-                table.source,
-                quoted(cell),
-                "a number",
-                line=int(table.lines[row]),
-                line_word=table.line_word,
-                column=POSE[column],
-            )
+            raise table.fault(row, POSE[column], quoted(cell), "a number")
         if not len(poses):
             raise InputError.at(table.source, "no row", "a pose at least")
         return poses
