@@ -15,8 +15,6 @@ from pathlib import Path
 
 from scripts import imports_rust
 
-__all__ = ["counts", "python_lines", "rust_lines", "web_lines"]
-
 ROOT = Path(__file__).parents[1]
 
 NO_CODE = {

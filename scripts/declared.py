@@ -26,8 +26,6 @@ from rsicalib.reproduction.document import Paper
 from rsicalib.results.certificate import Certificate
 from rsicalib.verbs.monitor import Alarm, Watch
 
-__all__ = ["DOCUMENTS", "schema"]
-
 DOCUMENTS: dict[str, type[Record]] = {
     "rsicalib.plan/1": Plan,
     "rsicalib.supposition/1": Supposition,
@@ -79,7 +77,7 @@ def schema(name: str) -> dict[str, Any]:
 def _record(kind: type[Record], inner: dict[str, type[Record]]) -> dict[str, Any]:
     hints, words = get_type_hints(kind), _words(cast(Any, kind))
     properties, required = {}, []
-    for field in dataclasses.fields(kind):  # type: ignore[arg-type]
+    for field in dataclasses.fields(kind):
         if not field.metadata.get("written", True):
             continue
         key = field.metadata.get("key", field.name)

@@ -8,8 +8,6 @@ from pathlib import Path
 
 from scripts.imports import Import
 
-__all__ = ["read"]
-
 
 def read(folder: Path) -> tuple[tuple[str, ...], tuple[Import, ...]]:
     """Find the files of a package, and what they import from each other.

@@ -18,8 +18,6 @@ from pathlib import Path
 
 from scripts.imports import Import
 
-__all__ = ["code_of", "read", "used", "without_tests"]
-
 Module = tuple[str, ...]
 
 NOT_CODE = re.compile(

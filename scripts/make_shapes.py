@@ -58,7 +58,7 @@ Nothing here computes or writes: `rsicalib.results` adds what a result can do. W
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from rsicalib._core import EvidenceSource
 from rsicalib.arrays import FloatArray
@@ -102,24 +102,21 @@ def shapes() -> str:
     records = {k: v for k, v in types.items() if "properties" in v and k not in BELOW}
     parts = []
     for name in _ordered(records):
-        bases = f"{MIXINS[name]}, Record" if name in MIXINS else "Record"
+        bases = f"{MIXINS[name]}, Record, repr=False" if name in MIXINS else "Record"
         renamed = RENAMED | OWN.get(name, {})
         fields = _fields(records[name], set(written[name]), records, renamed=renamed)
-        options = "frozen=True, repr=False" if name in MIXINS else "frozen=True"
-        parts.append(_class(name, bases, records[name], fields, options))
-    options = "frozen=True, eq=False, repr=False, kw_only=True"
+        parts.append(_class(name, bases, records[name], fields))
+    options = "eq=False, repr=False, kw_only=True"
     first, second = (roots[name] for name in ROOTS)
     shared = [k for k in first["properties"] if k in second["properties"]]
     doc = {"description": "What a calibration and a traced calibration have in common."}
     common = _fields(first, set(written[ROOTS[0]]), records, shared) + RESIDUALS
-    parts.append(_class("ResultShape", "Record", doc, common, options))
+    parts.append(_class("ResultShape", f"Record, {options}", doc, common))
     for name in ROOTS:
         own = [k for k in roots[name]["properties"] if k not in shared]
         fields = _fields(roots[name], set(written[name]), records, own)
-        parts.append(_class(f"{name}Shape", "ResultShape", roots[name], fields, options))
-    names = sorted([*records, "ResultShape", *(f"{name}Shape" for name in ROOTS)])
-    listed = "".join(f'    "{name}",\n' for name in names)
-    return f"{HEAD}\n__all__ = [\n{listed}]\n" + "".join(f"\n\n{part}" for part in parts)
+        parts.append(_class(f"{name}Shape", f"ResultShape, {options}", roots[name], fields))
+    return HEAD + "".join(f"\n\n{part}" for part in parts)
 
 
 def _ordered(records: dict[str, Any]) -> list[str]:
@@ -138,9 +135,9 @@ def _ordered(records: dict[str, Any]) -> list[str]:
     return out
 
 
-def _class(name: str, bases: str, schema: dict[str, Any], fields: str, options: str) -> str:
+def _class(name: str, bases: str, schema: dict[str, Any], fields: str) -> str:
     doc = _doc(schema["description"], 4)
-    return f"@dataclass({options})\nclass {name}({bases}):\n{doc}\n{fields}"
+    return f"class {name}({bases}):\n{doc}\n{fields}"
 
 
 def _doc(text: str, indent: int) -> str:

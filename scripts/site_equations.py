@@ -12,8 +12,6 @@ from collections.abc import Callable
 from html import escape
 from typing import Any
 
-__all__ = ["is_law", "is_symbol", "mathml", "on_page_markdown", "typeset"]
-
 SYMBOLS = "model.md"
 """The page of equations, where a letter between backticks is a symbol."""
 

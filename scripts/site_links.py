@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from typing import Any
 
-__all__ = ["on_page_markdown"]
-
 
 def on_page_markdown(markdown: str, page: Any, config: Any, **_: Any) -> str:
     """Make links to other files of the repository into links to it, or into their paths.

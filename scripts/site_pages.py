@@ -15,8 +15,6 @@ from mkdocs.structure.files import File
 import rsicalib
 from rsicalib.report.page import mechanism_page
 
-__all__ = ["on_files", "on_page_content", "on_page_markdown", "term_pages", "thumbnails"]
-
 DOCS = Path(__file__).parents[1] / "docs"
 
 SECTION = re.compile(r"^## (\w+)\n(.*?)(?=^## |\Z)", re.M | re.S)

@@ -18,8 +18,6 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 
-__all__ = ["VARIABLES", "picture"]
-
 WIDTH, HEIGHT = 360.0, 170.0
 ROWS = 121
 

@@ -538,11 +538,10 @@ def test_a_write_that_fails_leaves_nothing_behind(tmp_path, monkeypatch):
     readings = Readings.from_arrays(RSI, session()[0])
     (tmp_path / "out.csv").write_text("before")
 
-    def interrupted(self, file, *, whole=False):
-        file.write("half")
+    def interrupted(self, target):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Readings, "_write", interrupted)
+    monkeypatch.setattr(Path, "replace", interrupted)  # the text is written, and not yet there
     with pytest.raises(KeyboardInterrupt):
         readings.to_csv(tmp_path / "out.csv")
     assert [entry.name for entry in tmp_path.iterdir()] == ["out.csv"]
@@ -609,7 +608,7 @@ def test_what_is_no_parquet_is_refused(write):
 
 def test_without_pyarrow_a_parquet_file_says_what_to_install(write, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    assert "pip install rsicalib[parquet]" in refusal(write(b"PAR1", "run.parquet")).message
+    assert "pip install 'rsicalib[parquet]'" in refusal(write(b"PAR1", "run.parquet")).message
 
 
 def test_a_hundred_thousand_rows_load(write):

@@ -15,7 +15,7 @@ from rsicalib.io.readings import Readings
 from rsicalib.labels import Labelled
 from rsicalib.planning.identifiability import Identifiable
 from rsicalib.planning.measures import Observability
-from rsicalib.planning.plan import Plan
+from rsicalib.planning.plans import Plan
 from rsicalib.planning.platform_sd import Workspace
 from rsicalib.planning.supposing import Supposition
 from rsicalib.poses.simulation import Simulated

@@ -8,17 +8,6 @@ from typing import TypedDict
 
 from rsicalib.plain_text import printable, shortened
 
-__all__ = [
-    "InputError",
-    "InputTypeError",
-    "OpenLoopsWarning",
-    "ResultError",
-    "RsicalibError",
-    "UndeterminedError",
-    "Where",
-    "tell",
-]
-
 
 class Where(TypedDict):
     """Place of a fault in the input; what does not apply is None."""
@@ -60,7 +49,7 @@ class InputError(RsicalibError, ValueError):
 
     Examples
     --------
-    >>> error = InputError.at("run.csv", line=7, column="a11", found="blank", expected="a number")
+    >>> error = InputError.at("run.csv", "blank", "a number", line=7, column="a11")
     >>> str(error)
     'run.csv, line 7, column a11: found blank, expected a number'
     >>> error.where["line"]
@@ -80,11 +69,12 @@ class InputError(RsicalibError, ValueError):
     def at(
         cls,
         file: str,
-        *,
         found: str,
         expected: str,
+        *,
         line: int | None = None,
         column: str | None = None,
+        place: str | None = None,
         hint: str = "",
         line_word: str = "line",
         column_word: str = "column",
@@ -101,27 +91,32 @@ class InputError(RsicalibError, ValueError):
             Line or row, from 1.
         column : str, optional
             Name of the column.
+        place : str, optional
+            Path of an entry, in the place of a column.
         hint : str, optional
             A sentence on what to do.
         line_word : {"line", "row"}
             How the message calls `line`.
         column_word : str
-            How the message calls `column`; empty for the path of an entry.
+            How the message calls `column`.
 
         Returns
         -------
         InputError
             Ready to be raised.
         """
-        place = [file or "''"]
+        words = [file or "''"]
         if line is not None:
-            place.append(f"{line_word} {line}")
+            words.append(f"{line_word} {line}")
         if column is not None:
-            place.append(f"{column_word} {column}".strip())
+            words.append(f"{column_word} {column}")
+        if place is not None:
+            words.append(place)
         what = f"found {found}, expected {expected}" + (f". {hint}" if hint else "")
-        where = Where(file=file, line=line, column=column, found=found, expected=expected)
-        said = ": ".join([*filter(None, [", ".join(place[1:])]), what])
-        return cls(f"{', '.join(place)}: {what}", where, said=said)
+        entry = column if place is None else place
+        where = Where(file=file, line=line, column=entry, found=found, expected=expected)
+        said = ": ".join([*filter(None, [", ".join(words[1:])]), what])
+        return cls(f"{', '.join(words)}: {what}", where, said=said)
 
 
 class InputTypeError(InputError, TypeError):

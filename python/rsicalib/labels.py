@@ -10,8 +10,6 @@ import numpy.typing as npt
 
 from rsicalib.tabular import data_frame, html_table, polars_frame
 
-__all__ = ["Labelled"]
-
 if TYPE_CHECKING:
     import pandas
     import polars

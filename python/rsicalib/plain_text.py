@@ -9,8 +9,6 @@ import unicodedata
 from collections.abc import Iterable
 from typing import Any
 
-__all__ = ["counted", "encodable", "meant", "printable", "quoted", "shortened", "wrapped"]
-
 LINE = 40
 """Longer values are cut in messages."""
 

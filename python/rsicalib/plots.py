@@ -13,7 +13,6 @@ from rsicalib.arrays import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["bars", "curve", "dots", "intervals", "lines", "on_axes", "scatter"]
 
 OLD, NEW = "#b0562f", "#1f5f8b"
 """Before and after: told apart by the colour-blind, and in print."""

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     import pandas
     import polars
 
-__all__ = ["Tabular", "Told", "data_frame", "html_table", "polars_frame"]
 
 MOST_ROWS = 60
 """A longer table is cut in the middle where it is shown."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["axis_words", "in_thousandths", "is_count", "with_unit"]
-
 NONE = "1"
 """The unit of a pure number, in a result."""
 

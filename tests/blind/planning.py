@@ -26,7 +26,8 @@ import numpy as np
 import rsicalib
 from rsicalib.facts.records import plain
 from rsicalib.planning.further import explanations, words
-from rsicalib.planning.plan import Plan, plan
+from rsicalib.planning.plan import plan
+from rsicalib.planning.plans import Plan
 from rsicalib.report.words import NO_TERM
 from tests import oracle
 from tests.blind import effects as catalogue

@@ -18,8 +18,6 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-__all__ = ["main"]
-
 
 def main(argv: Sequence[str] | None = None) -> NoReturn:
     """Run the command and leave; Ctrl-C is heard while modules are still imported, too.

@@ -6,8 +6,6 @@ import os
 import re
 from typing import TextIO
 
-__all__ = ["painted", "wants_colour"]
-
 BOLD, GREEN, RED, BLUE, FAINT, PLAIN = (f"\x1b[{n}m" for n in (1, 32, 31, 34, 2, 0))
 
 

@@ -17,8 +17,6 @@ from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.facts.records import to_json
 from rsicalib.io.files import forget_parts
 
-__all__ = ["main"]
-
 NOT_TO_BE_RELIED_ON = 4
 """Exit code of a verb that has gone on with a result that was edited, or whose loops are open."""
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-__all__ = ["SHELLS", "script", "verbs_of"]
-
 SHELLS = ("bash", "zsh", "fish")
 
 BASH = """\

@@ -21,8 +21,6 @@ from rsicalib.plain_text import printable
 if TYPE_CHECKING:
     from rsicalib.results.result import Calibration, Result, Trace
 
-__all__ = ["heard", "prepare", "show", "warn"]
-
 
 def show(args: argparse.Namespace, result: Calibration | Trace) -> int:
     """Write what was asked for; the exit code."""

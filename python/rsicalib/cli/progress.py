@@ -16,8 +16,6 @@ from typing import TextIO
 
 from rsicalib.cli.streams import columns_of
 
-__all__ = ["ProgressLine", "duration", "progress_of"]
-
 PATIENCE = 1.0
 """What takes less than this needs no progress [s]."""
 PAUSE = 0.1

@@ -13,8 +13,6 @@ from typing import TextIO
 
 from rsicalib.plain_text import printable, wrapped
 
-__all__ = ["columns_of", "emit", "folded", "is_of_streams", "open_streams", "say", "silence"]
-
 REPLACED = "rsicalib.replaced"
 """Name of the handler of characters that a terminal has not."""
 

@@ -13,8 +13,6 @@ from rsicalib.results.result import Result
 from rsicalib.verbs.export import Calibrated, calibrated
 from rsicalib.work.arguments import MechanismArg, open_mechanism
 
-__all__ = ["Ask"]
-
 
 @dataclass(frozen=True)
 class Ask:

@@ -18,8 +18,6 @@ from rsicalib.results.result import Result
 from rsicalib.verbs.export import Noted
 from rsicalib.work.applying import as_applied, as_table
 
-__all__ = ["coordinates", "not_told", "sensor_terms", "unit_of", "without_place"]
-
 SENSORS = ("sensor", "electronics")
 """Classes of terms that act on readings; all others act on what joints carry."""
 

@@ -14,8 +14,6 @@ from rsicalib.io.readings import Readings
 from rsicalib.verbs.export import Noted
 from rsicalib.work.arguments import Bare
 
-__all__ = ["write"]
-
 DEGREES = (1, 2, 3, 4, 5)
 """Of polynomials, the least that is good enough."""
 

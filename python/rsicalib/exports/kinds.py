@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["EXPORTS"]
-
 EXPORTS = {
     "toml": "the calibrated mechanism",
     "urdf": "the robot description that the chains came from",

@@ -15,8 +15,6 @@ from rsicalib.errors import InputError
 from rsicalib.exports.ask import Ask
 from rsicalib.io.rigid import row_motion
 
-__all__ = ["write"]
-
 TOWERS = ("a", "b", "c")
 UPRIGHT = 1e-6
 """Klipper's angles and lengths have six decimals: a tower leans by less [rad]."""

@@ -16,9 +16,6 @@ from rsicalib.exports.ask import Ask
 from rsicalib.imports.lerobot_ranges import read_calibration
 from rsicalib.imports.teleop import DEGREES, FOLLOWER
 
-__all__ = ["write"]
-
-
 HALF = 0.5
 """Of a step of the encoder: an end of a range is right to no more."""
 
@@ -52,7 +49,7 @@ def write(ask: Ask) -> dict[str, str]:
         changed.append(joint)
     if not changed:
         found, expected = f"the joints {', '.join(document)}", "some of the mechanism's"
-        raise InputError.at(base, found=found, expected=f"{expected} (follower_…)")
+        raise InputError.at(base, found, f"{expected} (follower_…)")
     notes = [
         "ranges are whole steps: each end is right to half a step",
         *notes,

@@ -7,8 +7,6 @@ import math
 from rsicalib.errors import InputError
 from rsicalib.exports.ask import Ask
 
-__all__ = ["write"]
-
 ANCHORS = {"tl": "top left", "tr": "top right", "bl": "bottom left", "br": "bottom right"}
 NEAR = 1e-6
 """Of a mm: the firmware has its origin bottom left, and bottom right on the axis x."""

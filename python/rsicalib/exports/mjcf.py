@@ -16,8 +16,6 @@ from rsicalib.exports.ask import Ask
 from rsicalib.exports.coordinates import unit_of
 from rsicalib.io.rigid import Matrix, rigid, rotation
 
-__all__ = ["write"]
-
 
 def write(ask: Ask) -> dict[str, str]:
     """Write `calibrated.xml`; what a model has no words for is a comment in it."""

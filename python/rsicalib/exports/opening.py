@@ -24,8 +24,6 @@ from rsicalib.work.arguments import (
     open_mechanism,
 )
 
-__all__ = ["export_result", "sealed"]
-
 WRITERS = {
     "mjcf": ("mjcf", "write"),
     "maslow": ("maslow", "write"),

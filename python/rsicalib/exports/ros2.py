@@ -7,8 +7,6 @@ import json
 from rsicalib.exports.ask import Ask
 from rsicalib.exports.coordinates import unit_of, without_place
 
-__all__ = ["write"]
-
 
 def write(ask: Ask) -> dict[str, str]:
     """Write the parameters; a quoted text of JSON is one of YAML too."""

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from rsicalib.facts.records import Record
 
-__all__ = ["CertificateShape", "Decision", "Known", "Source", "Uncertainty"]
-
 Decision: TypeAlias = Literal["within", "not within", "undecided"]
 
 
-@dataclass(frozen=True)
 class Source(Record):
     """A source of the budget, at the place that is known least."""
 
@@ -47,7 +43,6 @@ class Source(Record):
         return f"unseen: {term.replace('_', ' ')}" + (f" of {target}" if target else "")
 
 
-@dataclass(frozen=True)
 class Uncertainty(Record):
     """How large the largest error may be, and what that is made of."""
 
@@ -69,7 +64,6 @@ class Uncertainty(Record):
     """The sources: the squares of their `u` add up."""
 
 
-@dataclass(frozen=True)
 class Known(Record):
     """An error that is known."""
 
@@ -83,8 +77,7 @@ class Known(Record):
     """Number of known poses; 0 for effects."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class CertificateShape(Record):
+class CertificateShape(Record, eq=False, repr=False):
     """Whether the largest error of a calibrated mechanism is within a limit."""
 
     mechanism: str

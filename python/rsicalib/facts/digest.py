@@ -9,8 +9,6 @@ from typing import Any
 from rsicalib.facts.records import plain
 from rsicalib.facts.shapes import ResultShape
 
-__all__ = ["digest_of_numbers"]
-
 
 def digest_of_numbers(result: ResultShape) -> str:
     """SHA-256 of what poses and their standard deviations come from.

@@ -14,8 +14,6 @@ from rsicalib.units import axis_words, in_thousandths, with_unit
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Absent", "Effect", "Estimate", "Fitness", "Together"]
-
 
 def estimate_words(value: float | None, sd: float | None, unit: str) -> str:
     """`0.0529 ± 0.011 rad`, with the half width of 95 %; a dash where it is not known."""

@@ -8,7 +8,18 @@ import math
 import types
 from collections.abc import Callable, Mapping
 from functools import cache, partial
-from typing import Any, Self, TypeAlias, Union, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    ClassVar,
+    Self,
+    TypeAlias,
+    Union,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +27,6 @@ import numpy.typing as npt
 from rsicalib.errors import ResultError
 from rsicalib.labels import Labelled
 from rsicalib.plain_text import encodable
-
-__all__ = ["IF_KNOWN", "NOT_WRITTEN", "OMIT", "Record", "plain", "to_json"]
 
 OMIT: dict[str, Any] = {"omit": (None, [], {})}
 """Metadata of a field that does not stand in the JSON where it is None or empty."""
@@ -27,12 +36,23 @@ NOT_WRITTEN: dict[str, Any] = {"written": False}
 """Metadata of a field that never stands in the JSON."""
 
 
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
 class Record:
     """A frozen dataclass that is read from, and written to, plain dictionaries.
 
     Keys that a class does not know are ignored, so that results of later
     versions can be read; None and NaN are the same: not known.
+
+    Whatever is derived from it is such a dataclass; what else `dataclass` is to know stands
+    in the line of the class: `class Noise(Record, eq=False)`.
     """
+
+    if TYPE_CHECKING:  # `dataclass` writes it
+        __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__()
+        dataclasses.dataclass(frozen=True, **options)(cls)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
@@ -64,7 +84,7 @@ class Record:
             Keys in the order of the fields.
         """
         out = {}
-        for field in dataclasses.fields(self):  # type: ignore[arg-type]
+        for field in dataclasses.fields(self):
             if not field.metadata.get("written", True):
                 continue
             value = plain(getattr(self, field.name))
@@ -119,7 +139,7 @@ Reader: TypeAlias = Callable[[Any], Any]
 def _fields(cls: type[Record]) -> tuple[tuple[str, str, Reader], ...]:
     """Name, key and reader of each field."""
     kinds = get_type_hints(cls)
-    fields = dataclasses.fields(cls)  # type: ignore[arg-type]
+    fields = dataclasses.fields(cls)
     return tuple((f.name, f.metadata.get("key", f.name), _reader(kinds[f.name])) for f in fields)
 
 

@@ -7,7 +7,7 @@ Nothing here computes or writes: `rsicalib.results` adds what a result can do. W
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from rsicalib._core import EvidenceSource
 from rsicalib.arrays import FloatArray
@@ -16,72 +16,7 @@ from rsicalib.facts.records import IF_KNOWN, NOT_WRITTEN, OMIT, Record
 from rsicalib.facts.warned import Warned
 from rsicalib.labels import Labelled
 
-__all__ = [
-    "Against",
-    "Alternative",
-    "Before",
-    "Between",
-    "CalibrationShape",
-    "Changed",
-    "Changing",
-    "Check",
-    "CheckReadings",
-    "CurveLaw",
-    "Data",
-    "DependsOn",
-    "Drawing",
-    "EffectEvidence",
-    "Elsewhere",
-    "Evidence",
-    "Excluded",
-    "Expected",
-    "FitQuality",
-    "FormulaParameter",
-    "FoundLaw",
-    "Groups",
-    "Halves",
-    "HeldOut",
-    "Hidden",
-    "Hypothesis",
-    "KnownPlace",
-    "Largest",
-    "Law",
-    "LawParameter",
-    "Misclosure",
-    "Moved",
-    "Name",
-    "Node",
-    "Noise",
-    "OwnTerm",
-    "Parameter",
-    "ParameterName",
-    "Predicted",
-    "Reason",
-    "Reference",
-    "Reliability",
-    "ResultShape",
-    "Rival",
-    "Rms",
-    "Score",
-    "Skipped",
-    "Slice",
-    "Start",
-    "Step",
-    "StepParameter",
-    "Switch",
-    "SwitchFit",
-    "Switchboard",
-    "TraceShape",
-    "Unexplained",
-    "Unseen",
-    "Update",
-    "Weakest",
-    "WithExcluded",
-    "Worst",
-]
 
-
-@dataclass(frozen=True)
 class Skipped(Record):
     """A row that was dropped."""
 
@@ -95,7 +30,6 @@ class Skipped(Record):
     """What was found and what was expected."""
 
 
-@dataclass(frozen=True)
 class Data(Record):
     """The readings that a result is about."""
 
@@ -111,7 +45,6 @@ class Data(Record):
     """Rows that were dropped because the caller asked for it."""
 
 
-@dataclass(frozen=True)
 class Noise(Record):
     """Noise of one sample, by channel, and where it is known from."""
 
@@ -135,7 +68,6 @@ class Noise(Record):
     that hold exactly are not listed."""
 
 
-@dataclass(frozen=True)
 class Excluded(Record):
     """A reading that was found to be bad; null: all of them."""
 
@@ -157,7 +89,6 @@ class Excluded(Record):
     """Why, for programs."""
 
 
-@dataclass(frozen=True)
 class HeldOut(Record):
     """Error on poses that were left out, the terms refitted without them."""
 
@@ -169,7 +100,6 @@ class HeldOut(Record):
     """Probability by chance of poses that fit so badly to the others."""
 
 
-@dataclass(frozen=True)
 class Largest(Record):
     """The largest errors of the platform pose, and what noise does to each."""
 
@@ -185,7 +115,6 @@ class Largest(Record):
     """The same of roll, pitch and yaw, rad."""
 
 
-@dataclass(frozen=True)
 class Worst(Record):
     """The least probable of known poses, judged by itself."""
 
@@ -201,7 +130,6 @@ class Worst(Record):
     """Predicted standard deviation of that (rad)."""
 
 
-@dataclass(frozen=True)
 class Expected(Record):
     """An error of known poses against what is predicted of it."""
 
@@ -220,7 +148,6 @@ class Expected(Record):
     """The least probable of the poses by itself."""
 
 
-@dataclass(frozen=True)
 class Check(Record):
     """Error of the platform pose: root mean square over components, as in Table VI."""
 
@@ -236,8 +163,7 @@ class Check(Record):
     """The same as a calibration predicts it; none of what has no covariance."""
 
 
-@dataclass(frozen=True, repr=False)
-class FitQuality(Fitness, Record):
+class FitQuality(Fitness, Record, repr=False):
     """How well a model fits."""
 
     chi2: float | None
@@ -258,7 +184,6 @@ class FitQuality(Fitness, Record):
     """As `check`, after the best rigid motion of the instrument."""
 
 
-@dataclass(frozen=True)
 class Before(Record):
     """What an earlier result says of a parameter: the value that it left behind, slips included."""
 
@@ -268,8 +193,7 @@ class Before(Record):
     """Standard deviation of the difference, by both uncertainties."""
 
 
-@dataclass(frozen=True, repr=False)
-class Parameter(Estimate, Record):
+class Parameter(Estimate, Record, repr=False):
     """An estimate: `interval`, or `value` ± 1.96 `sd` where there is none, covers the truth 95
     times in 100.
     """
@@ -305,7 +229,6 @@ class Parameter(Estimate, Record):
     """What an earlier result says of it, where one was given and knows it."""
 
 
-@dataclass(frozen=True)
 class WithExcluded(Record):
     """The calibration of all readings, where some were left out."""
 
@@ -315,7 +238,6 @@ class WithExcluded(Record):
     """Estimates."""
 
 
-@dataclass(frozen=True)
 class Reason(Record):
     """A reason of a verdict, with its numbers."""
 
@@ -329,7 +251,6 @@ class Reason(Record):
     """Probability of more by chance."""
 
 
-@dataclass(frozen=True)
 class Changing(Record):
     """A parameter that may change from group to group."""
 
@@ -346,7 +267,6 @@ class Changing(Record):
     """Its unit."""
 
 
-@dataclass(frozen=True)
 class Halves(Record):
     """Estimates of every other group against those of the rest: what cross-validation says."""
 
@@ -367,7 +287,6 @@ class Halves(Record):
     difference among them."""
 
 
-@dataclass(frozen=True)
 class Between(Record):
     """What changes from group to group: placements, or sessions.
 
@@ -394,7 +313,6 @@ class Between(Record):
     """One half of the groups against the other."""
 
 
-@dataclass(frozen=True)
 class Predicted(Record):
     """Predicted error, root mean square over components."""
 
@@ -407,7 +325,6 @@ class Predicted(Record):
     """Standard deviation of roll, pitch and yaw (rad); null without a platform."""
 
 
-@dataclass(frozen=True)
 class Start(Record):
     """A start that was tried."""
 
@@ -424,7 +341,6 @@ class Start(Record):
     """Gains from which it began."""
 
 
-@dataclass(frozen=True)
 class Reference(Record):
     """What the parameters of a result refer to, beside the mechanism.
 
@@ -441,7 +357,6 @@ class Reference(Record):
     """Mean temperature [°C], where it was measured."""
 
 
-@dataclass(frozen=True)
 class Moved(Record):
     """A parameter that is not what an earlier result says, beyond both uncertainties."""
 
@@ -461,7 +376,6 @@ class Moved(Record):
     """Unit of all three."""
 
 
-@dataclass(frozen=True)
 class Misclosure(Record):
     """Reference statistics of the misclosure: how the loops close under a result."""
 
@@ -475,7 +389,6 @@ class Misclosure(Record):
     """Usual time between neighbouring samples, in seconds; null without times."""
 
 
-@dataclass(frozen=True)
 class Rms(Record):
     """What an effect does to the platform pose, or, without a platform, to the points that chains
     carry, after the best rigid motion: root mean square over components.
@@ -487,7 +400,6 @@ class Rms(Record):
     """Orientation, in radians; null of points."""
 
 
-@dataclass(frozen=True)
 class Changed(Record):
     """A change between two sessions of a device."""
 
@@ -509,7 +421,6 @@ class Changed(Record):
     """Changes that these readings cannot tell from it, as `offset@a22`."""
 
 
-@dataclass(frozen=True)
 class Update(Record):
     """A later session against an earlier result."""
 
@@ -535,7 +446,6 @@ class Update(Record):
     it: there are no `changes` then."""
 
 
-@dataclass(frozen=True)
 class Groups(Record):
     """Mean distance of carried points from their own mean at what they touch, by placement.
 
@@ -560,7 +470,6 @@ class Groups(Record):
     """`others` before effects were traced."""
 
 
-@dataclass(frozen=True)
 class OwnTerm(Record):
     """A term that is written as a formula.
 
@@ -589,7 +498,6 @@ class OwnTerm(Record):
     """Description of the effect."""
 
 
-@dataclass(frozen=True)
 class StepParameter(Record):
     """A parameter of a term that was found missing."""
 
@@ -605,7 +513,6 @@ class StepParameter(Record):
     """As in `Parameter`."""
 
 
-@dataclass(frozen=True)
 class Name(Record):
     """A term at its target."""
 
@@ -621,7 +528,6 @@ class Name(Record):
     """What people call the target."""
 
 
-@dataclass(frozen=True)
 class LawParameter(Record):
     """A number of a closed form."""
 
@@ -635,7 +541,6 @@ class LawParameter(Record):
     """Unit of all three."""
 
 
-@dataclass(frozen=True)
 class CurveLaw(Record):
     """The closed form behind a free curve."""
 
@@ -649,8 +554,7 @@ class CurveLaw(Record):
     """Other forms that fit as well."""
 
 
-@dataclass(frozen=True, repr=False)
-class Step(Effect, Record):
+class Step(Effect, Record, repr=False):
     """A missing term that was found."""
 
     term: str
@@ -695,7 +599,6 @@ class Step(Effect, Record):
     """Error on poses left out, with this effect and those before."""
 
 
-@dataclass(frozen=True)
 class Elsewhere(Record):
     """Errors of closures on blocks that were left out in turn, root mean square in `unit`.
 
@@ -718,8 +621,7 @@ class Elsewhere(Record):
     """Unit of all of them."""
 
 
-@dataclass(frozen=True, repr=False)
-class Rival(Together, Record):
+class Rival(Together, Record, repr=False):
     """Effects that explain a session together, nearly as well as the best do."""
 
     terms: tuple[Name, ...]
@@ -732,7 +634,6 @@ class Rival(Together, Record):
     """Probability among the explanations that are listed."""
 
 
-@dataclass(frozen=True)
 class DependsOn(Record):
     """A variable on which errors depend."""
 
@@ -744,7 +645,6 @@ class DependsOn(Record):
     """Variables that these data cannot tell from it."""
 
 
-@dataclass(frozen=True)
 class FormulaParameter(Record):
     """A parameter of a formula."""
 
@@ -756,7 +656,6 @@ class FormulaParameter(Record):
     """Standard deviation."""
 
 
-@dataclass(frozen=True)
 class FoundLaw(Record):
     """A formula for the errors of a channel, which no term has."""
 
@@ -772,7 +671,6 @@ class FoundLaw(Record):
     """Lines for the mechanism file that make it a term."""
 
 
-@dataclass(frozen=True)
 class Unexplained(Record):
     """What is left when nothing scores any more."""
 
@@ -791,7 +689,6 @@ class Unexplained(Record):
     """A formula that fits as well as that law, within 6 in price."""
 
 
-@dataclass(frozen=True)
 class Unseen(Record):
     """What a session leaves open of an effect that it was not found to have.
 
@@ -815,8 +712,7 @@ class Unseen(Record):
     each of its own: unknown points are left out."""
 
 
-@dataclass(frozen=True, repr=False)
-class Hidden(Absent, Record):
+class Hidden(Absent, Record, repr=False):
     """How large an absent effect would have to be to be seen, and what it would do meanwhile."""
 
     term: str
@@ -837,7 +733,6 @@ class Hidden(Absent, Record):
     """What the session leaves open of it."""
 
 
-@dataclass(frozen=True)
 class CheckReadings(Record):
     """Readings in known poses, the mean of each: they tell how large errors are elsewhere."""
 
@@ -849,7 +744,6 @@ class CheckReadings(Record):
     """The point whose places are known, where it was named."""
 
 
-@dataclass(frozen=True)
 class Alternative(Record):
     """A law that fits as well."""
 
@@ -859,7 +753,6 @@ class Alternative(Record):
     """Variable and correction."""
 
 
-@dataclass(frozen=True)
 class Law(Record):
     """An effect as a law of one variable."""
 
@@ -885,7 +778,6 @@ class Law(Record):
     """What these poses cannot tell from it, each with the offset and gain of its own fit."""
 
 
-@dataclass(frozen=True)
 class Against(Record):
     """The residual against a variable of the configuration."""
 
@@ -898,7 +790,6 @@ class Against(Record):
     of noise."""
 
 
-@dataclass(frozen=True)
 class Score(Record):
     """How far a candidate stands out."""
 
@@ -916,7 +807,6 @@ class Score(Record):
     """True for what was found, or what these poses cannot tell from it."""
 
 
-@dataclass(frozen=True)
 class EffectEvidence(Record):
     """Evidence of one effect."""
 
@@ -936,7 +826,6 @@ class EffectEvidence(Record):
     """Scores of all candidates without the effect, best first."""
 
 
-@dataclass(frozen=True)
 class Reliability(Record):
     """Reliability of single readings, after Baarda: channel by channel, pose by pose; null where no
     other reading checks one.
@@ -950,7 +839,6 @@ class Reliability(Record):
     parameters, in its standard deviations."""
 
 
-@dataclass(frozen=True)
 class Node(Record):
     """A joint, a point that a chain carries, or an end of closures that no chain carries."""
 
@@ -962,7 +850,6 @@ class Node(Record):
     """True for a joint, and for the far end of a length that a channel measures."""
 
 
-@dataclass(frozen=True)
 class KnownPlace(Record):
     """The position of a known pose."""
 
@@ -974,7 +861,6 @@ class KnownPlace(Record):
     """Where it is found with the calibration [length unit]."""
 
 
-@dataclass(frozen=True)
 class Drawing(Record):
     """The mechanism in its poses."""
 
@@ -998,7 +884,6 @@ class Drawing(Record):
     """Known poses, the instrument moved onto the calibration where that was asked for."""
 
 
-@dataclass(frozen=True)
 class Slice(Record):
     """A plane of the workspace: of a platform at orientation zero, or everything within the limits
     of the joints, seen from one side.
@@ -1019,7 +904,6 @@ class Slice(Record):
     square of x, y and z, noise of the reading not counted [length unit]."""
 
 
-@dataclass(frozen=True)
 class ParameterName(Record):
     """Name of a parameter."""
 
@@ -1033,7 +917,6 @@ class ParameterName(Record):
     """Unit of the parameter."""
 
 
-@dataclass(frozen=True)
 class Weakest(Record):
     """The place of the workspace that is known least."""
 
@@ -1052,7 +935,6 @@ class Weakest(Record):
     """Size of that correlation."""
 
 
-@dataclass(frozen=True)
 class Switch(Record):
     """A suspect."""
 
@@ -1064,7 +946,6 @@ class Switch(Record):
     """The channel at fault, where it can be told."""
 
 
-@dataclass(frozen=True)
 class SwitchFit(Record):
     """One fit of a switchboard."""
 
@@ -1084,7 +965,6 @@ class SwitchFit(Record):
     """Residuals in units of noise, pose by pose, equation by equation."""
 
 
-@dataclass(frozen=True)
 class Switchboard(Record):
     """The fits with and without each suspect, on averages of the samples of each pose."""
 
@@ -1096,7 +976,6 @@ class Switchboard(Record):
     """Number `n` has switch `i` on where bit `i` of `n` is set."""
 
 
-@dataclass(frozen=True)
 class Hypothesis(Record):
     """Effects that a session may be explained by, fitted to the averages of the samples of each
     pose.
@@ -1121,7 +1000,6 @@ class Hypothesis(Record):
     evidence."""
 
 
-@dataclass(frozen=True)
 class Evidence(Record):
     """What the pictures of a report are drawn from, beyond the result itself.
 
@@ -1156,8 +1034,7 @@ class Evidence(Record):
     explained."""
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class ResultShape(Record):
+class ResultShape(Record, eq=False, repr=False, kw_only=True):
     """What a calibration and a traced calibration have in common."""
 
     format: str
@@ -1248,16 +1125,14 @@ class ResultShape(Record):
     """What gathers the evidence for a report; None where the result was read from a file."""
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class CalibrationShape(ResultShape):
+class CalibrationShape(ResultShape, eq=False, repr=False, kw_only=True):
     """A calibration: parameters from joint readings alone."""
 
     fit: FitQuality
     """How well the model fits."""
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class TraceShape(ResultShape):
+class TraceShape(ResultShape, eq=False, repr=False, kw_only=True):
     """A calibration whose residual was traced."""
 
     before: FitQuality

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from rsicalib import _core
 
-__all__ = ["EXIT_CODES", "UNUSABLE"]
-
 EXIT_CODES: dict[str, int] = dict(_core.VERDICTS)
 """By verdict: 0 usable, 3 undetermined, 4 a residual is left, or something is absurd."""
 

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
 from rsicalib.facts.records import Record
-
-__all__ = ["KINDS", "WIRING", "Warned", "WarnedKind"]
 
 WarnedKind: TypeAlias = Literal[
     "reversed",
@@ -59,7 +56,6 @@ WIRING: frozenset[WarnedKind] = frozenset(
 """What somebody at the device can mend: a wire, a converter, the place of a sensor on its shaft."""
 
 
-@dataclass(frozen=True)
 class Warned(Record):
     """Something suspicious about the readings, or about what is declared of them.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,11 +14,10 @@ import numpy as np
 
 from rsicalib.errors import InputError
 from rsicalib.fleets.frames import Runs, joined, runs_of, select
+from rsicalib.io.extras import parquet_modules
 from rsicalib.io.frames import Columns, columns_of
 from rsicalib.io.tables import PARQUET, Table, chunks, read_table, text
 from rsicalib.plain_text import encodable
-
-__all__ = ["Dataset", "Partition", "Piece", "pyarrow_modules"]
 
 LEVELS = "levels.csv"
 """File beside the readings that says of each device in which groups it is."""
@@ -120,7 +118,7 @@ def _together(places: Iterable[tuple[str, int]], columns: list[str] | None = Non
     """Rows of some row groups."""
     groups = []
     for file, group in places:
-        _, parquet = pyarrow_modules(file)
+        _, parquet = parquet_modules(file)
         groups.append(parquet.ParquetFile(file).read_row_group(group, columns=columns))
     return joined([columns_of(group) for group in groups])
 
@@ -155,12 +153,12 @@ class Dataset:
     def __init__(self, path: Path, by: str) -> None:
         self.path, self.by = path, by
         if not os.path.exists(path):
-            raise InputError.at(str(path), found="no such file", expected="a file or a folder")
+            raise InputError.at(str(path), "no such file", "a file or a folder")
         try:
             files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
         except OSError as error:
             found = f"what cannot be read ({error.strerror}: {error.filename})"
-            raise InputError.at(str(path), found=found, expected="a file or a folder") from None
+            raise InputError.at(str(path), found, "a file or a folder") from None
         tables = [p for p in files if path.is_file() or (p.stem != "rest" and p.name != LEVELS)]
         self.parquet = [p for p in tables if p.suffix.lower() in PARQUET]
         self.folders = sorted(p.parent for p in tables if p.name == "readings.csv")
@@ -174,7 +172,7 @@ class Dataset:
         kinds = [kind for kind in (self.parquet, self.folders, self.csv) if kind]
         if len(kinds) != 1:
             found = "Parquet and CSV files" if kinds else "no Parquet and no CSV file"
-            raise InputError.at(str(path), found=found, expected="one kind of files of readings")
+            raise InputError.at(str(path), found, "one kind of files of readings")
         folder = path.parent if path.is_file() else path
         self.levels = folder / LEVELS if (folder / LEVELS).is_file() else None
         beside = [folder / f"rest{suffix}" for suffix in (".csv", ".parquet")]
@@ -382,23 +380,6 @@ class Dataset:
         return select(self.rest, (run for label in labels for run in rows.get(label, [])))
 
 
-def pyarrow_modules(source: str) -> tuple[Any, Any]:
-    """The modules `pyarrow` and `pyarrow.parquet`.
-
-    Raises
-    ------
-    InputError
-        They are not installed.
-    """
-    try:
-        return importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
-    except ImportError:
-        hint = "Install it with: pip install rsicalib[parquet]"
-        raise InputError.at(
-            source, found="no pyarrow", expected="pyarrow for Parquet", hint=hint
-        ) from None
-
-
 @dataclass(frozen=True)
 class _Group:
     """A row group, and the least and the greatest label in it."""
@@ -436,16 +417,16 @@ def _bounds(files: Sequence[Path], by: str) -> list[_Group] | None:
 @contextmanager
 def _opened(file: Path, by: str) -> Iterator[Any]:
     """A Parquet file that has the column of the device."""
-    pyarrow, parquet = pyarrow_modules(str(file))
+    pyarrow, parquet = parquet_modules(str(file))
     try:
         opened = parquet.ParquetFile(file)
         if by not in opened.schema_arrow.names:
             found = f"no column {by!r} ({', '.join(opened.schema_arrow.names)})"
-            raise InputError.at(str(file), found=found, expected="one that names the device")
+            raise InputError.at(str(file), found, "one that names the device")
         yield opened
     except (pyarrow.ArrowException, OSError) as error:
         found = f"what pyarrow cannot read ({error})"
-        raise InputError.at(str(file), found=found, expected="a Parquet file") from None
+        raise InputError.at(str(file), found, "a Parquet file") from None
 
 
 def _ends(
@@ -469,7 +450,7 @@ def _ends(
 
 def _row_groups(files: Sequence[Path], by: str) -> Iterator[tuple[Columns, dict[Any, int]]]:
     """Rows of each row group, and the number of the last row group of every device."""
-    _, parquet = pyarrow_modules(str(files[0]))
+    _, parquet = parquet_modules(str(files[0]))
     places, _, last = _ends(files, by)
     for file, group in places:
         yield columns_of(parquet.ParquetFile(file).read_row_group(group)), last
@@ -479,13 +460,7 @@ def _columns(table: Table, by: str) -> Columns:
     """Columns of a file; labels of devices without surrounding spaces."""
     if table.ragged:
         row, misfit = min(table.ragged.items())
-        raise InputError.at(
-            table.source,
-            line=int(table.lines[row]),
-            found=misfit.found,
-            expected=misfit.expected,
-            line_word=table.line_word,
-        )
+        raise table.fault(row, None, misfit.found, misfit.expected)
     columns: Columns = dict(zip(table.names, table.columns, strict=True))
     cells = columns.get(by)
     if cells is not None and not isinstance(cells, np.ndarray):

@@ -22,18 +22,6 @@ from rsicalib.io.tables import Table, text
 from rsicalib.options import names, number
 from rsicalib.work.arguments import Bare, MechanismArg, noise_of_channels, open_mechanism
 
-__all__ = [
-    "NUMBERS",
-    "REST",
-    "Device",
-    "calibrate_devices",
-    "check_names",
-    "devices_of",
-    "digests",
-    "one_device",
-    "without",
-]
-
 NUMBERS = ("poses", "samples", "chi2", "dof", "p_value", "rms_misclosure")
 """Columns of the results that hold numbers, beside the parameters."""
 

@@ -20,8 +20,6 @@ from rsicalib.fleets.frames import Rows, joined_rows
 from rsicalib.fleets.levels import groups_of
 from rsicalib.fleets.store import Parts
 
-__all__ = ["Job", "Part", "Task", "over_dask", "over_threads"]
-
 Part: TypeAlias = Partition | Piece
 """What is handed out: rows, or where they are."""
 

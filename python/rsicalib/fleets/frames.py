@@ -12,19 +12,6 @@ import numpy.typing as npt
 from rsicalib.arrays import FloatArray
 from rsicalib.io.frames import Cells, Columns, frame_of
 
-__all__ = [
-    "TEXT",
-    "Frame",
-    "Rows",
-    "Runs",
-    "frame_like",
-    "joined",
-    "joined_rows",
-    "numbers_of",
-    "runs_of",
-    "select",
-]
-
 Frame: TypeAlias = Any
 """A pandas or Polars DataFrame, a pyarrow Table or RecordBatch, or a mapping of names to arrays."""
 

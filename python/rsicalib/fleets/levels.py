@@ -12,8 +12,6 @@ from rsicalib.fleets.frames import runs_of
 from rsicalib.io.frames import Columns
 from rsicalib.io.tables import is_blank, quoted, read_table, text
 
-__all__ = ["Levels", "beside", "groups_of"]
-
 
 @dataclass(frozen=True)
 class Levels:
@@ -95,30 +93,19 @@ def beside(path: Path, by: str, names: tuple[str, ...]) -> Levels:
     for name in (by, *names):
         if name not in columns:
             found = f"no column {name!r} ({', '.join(table.names)})"
-            raise InputError.at(str(path), found=found, expected=f"columns {by} and the levels")
+            raise InputError.at(str(path), found, f"columns {by} and the levels")
     cells = {name: list(columns[name]) for name in (by, *names)}
-
-    def refused(row: int, column: str, found: str, expected: str) -> InputError:
-        return InputError.at(
-            str(path),
-            line=int(table.lines[row]),
-            line_word=table.line_word,
-            column=column,
-            found=found,
-            expected=expected,
-        )
-
     out: dict[str, tuple[str, ...]] = {}
     for row in range(len(table.lines)):
         ragged = table.ragged.get(row)
         if ragged is not None:
-            raise refused(row, ragged.column, ragged.found, ragged.expected)
+            raise table.fault(row, ragged.column, ragged.found, ragged.expected)
         for name, column in cells.items():
             if is_blank(column[row]):
-                raise refused(row, name, quoted(column[row]), "a name")
+                raise table.fault(row, name, quoted(column[row]), "a name")
         unit, *own = (text(column[row]) for column in cells.values())
         if out.setdefault(unit, tuple(own)) != tuple(own):
-            raise refused(row, by, f"{unit!r} again, in other groups", "one row of each")
+            raise table.fault(row, by, f"{unit!r} again, in other groups", "one row of each")
     return Levels(by, names, out)
 
 

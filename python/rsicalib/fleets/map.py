@@ -14,8 +14,6 @@ from rsicalib.fleets.standing_out import Spread
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import WIDE, Canvas, fitted, width_of
 
-__all__ = ["MOST_DEVICES", "map_figure"]
-
 MOST_DEVICES = 40
 """Devices that are drawn; those that are farthest from the others."""
 

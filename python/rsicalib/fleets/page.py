@@ -31,8 +31,6 @@ from rsicalib.report.svg import Canvas, Chart
 from rsicalib.report.words import name_of, number, plus_minus
 from rsicalib.units import axis_words
 
-__all__ = ["page"]
-
 LISTED = 200
 """Devices that the page lists before it only counts."""
 

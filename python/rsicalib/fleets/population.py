@@ -22,16 +22,6 @@ from rsicalib.options import names
 from rsicalib.work.arguments import noise_of_channels
 from rsicalib.work.prior import FORMAT
 
-__all__ = [
-    "ShareJob",
-    "first_line",
-    "joint",
-    "lacks_together",
-    "sentences",
-    "summed",
-    "tolerances_of",
-]
-
 ROUNDS = 3
 """Linearisations: what the fleet has in common is where the next one is made."""
 

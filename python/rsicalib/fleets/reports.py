@@ -13,8 +13,6 @@ from rsicalib.fleets.devices import one_device
 from rsicalib.io.files import write_text
 from rsicalib.verbs.tracing import trace
 
-__all__ = ["FOLDER", "write_reports"]
-
 FOLDER = "devices"
 """Folder of the reports, beside the page."""
 

@@ -27,8 +27,6 @@ from rsicalib.options import checked, names
 from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
 
-__all__ = ["Fleet", "fleet"]
-
 PARTITION = 100
 """Devices of a partition: a second of work or two, which is what a lost worker costs."""
 
@@ -233,7 +231,7 @@ def fleet(
             progress("devices", done, max(count, done))
     table = store.finish(order)
     if not table or (store.resumed and not order):
-        raise InputError.at(str(dataset), found="no device", expected="at least one")
+        raise InputError.at(str(dataset), "no device", "at least one")
     if above:
         grouped = (grouped or _in_rows(table, by, above)).of(list(table[by]))
     first, found = first_line(table, job.mechanism, grouped), None

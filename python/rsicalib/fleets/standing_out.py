@@ -13,8 +13,6 @@ from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.facts.verdicts import EXIT_CODES
 from rsicalib.fleets.frames import numbers_of
 
-__all__ = ["Remark", "Spread", "remarks", "spreads"]
-
 
 @dataclass(frozen=True)
 class Remark:

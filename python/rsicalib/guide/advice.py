@@ -25,8 +25,6 @@ from rsicalib.verbs.certifying import certify
 from rsicalib.verbs.tracing import trace
 from rsicalib.work.applying import as_applied, as_table
 
-__all__ = ["Advice", "Adviser", "Explained", "Repeat", "explained_id", "usable"]
-
 WAY = 0.1
 """Weight of the way to the next pose, beside ln(variance after / variance before)."""
 OFFSET_SD = 0.1

@@ -21,8 +21,6 @@ from rsicalib.guide.session import Session
 from rsicalib.guide.source import started
 from rsicalib.io.sources import LONGEST_LINE
 
-__all__ = ["Robot", "drive", "passed"]
-
 MOST_REFUSED = 30
 """Poses that a robot cannot take one after the other; the session then ends with what it has."""
 
@@ -133,7 +131,7 @@ class Robot:
         return float(value)
 
     def _refused(self, found: str, expected: str) -> InputError:
-        return InputError.at("--drive", line=max(self.lines, 1), found=found, expected=expected)
+        return InputError.at("--drive", found, expected, line=max(self.lines, 1))
 
 
 def drive(session: Session, robot: Robot, show: Any) -> None:

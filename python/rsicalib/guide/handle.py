@@ -16,8 +16,6 @@ from rsicalib.poses.devices import workspace
 from rsicalib.results.result import Trace
 from rsicalib.work.applying import as_applied
 
-__all__ = ["Handle", "moves", "turned"]
-
 SIDES = (("right", "left"), ("away from you", "to you"), ("up", "down"))
 """Words for a shift along x, y, z: x is to the right, y away, z up."""
 

@@ -16,8 +16,6 @@ from rsicalib._core import still_stretches
 from rsicalib.arrays import FloatArray
 from rsicalib.guide.log import Sample
 
-__all__ = ["LATEST", "LONGER", "TREMOR", "Hold", "apart"]
-
 LONGER = 3.0
 """A pose that is not the one asked for is taken when it is held so many times as long; so is one in
 which a hand trembles that touches something."""

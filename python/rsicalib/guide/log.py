@@ -21,8 +21,6 @@ from rsicalib.io.files import write_text
 from rsicalib.io.messages import message_of, positions_of
 from rsicalib.io.sources import read_json, read_text
 
-__all__ = ["FITTED", "Columns", "Log", "Sample", "Taken"]
-
 
 @dataclass(frozen=True)
 class Sample:
@@ -323,7 +321,7 @@ class Log:
             error: Exception = ValueError("a name that is no channel")
         except (KeyError, TypeError, ValueError) as wrong:
             error = wrong
-        raise InputError.at(str(path), found=str(error), expected=expected)
+        raise InputError.at(str(path), str(error), expected)
 
     def _rows(self, name: str) -> list[dict[str, str]]:
         """Rows of a file that are whole: a last line without its end is dropped."""
@@ -338,7 +336,7 @@ class Log:
         missing = [c for c in needed if c not in lines[0].split(",")]
         if missing:
             found = f"no column {missing[0]}"
-            raise InputError.at(str(path), found=found, expected="a session of this mechanism")
+            raise InputError.at(str(path), found, "a session of this mechanism")
         # Numbers stand as they arrived, whatever their columns were called before an exchange.
         names = iter(self.columns)
         header = [next(names) if c in self.channels else c for c in lines[0].split(",")]

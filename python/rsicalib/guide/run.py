@@ -24,8 +24,6 @@ from rsicalib.poses.devices import workspace
 from rsicalib.results.result import Trace
 from rsicalib.work.arguments import Bare, MechanismArg, PathLike, ReadingsArg, load, open_mechanism
 
-__all__ = ["guide"]
-
 TRAVEL = 0.01
 """Share of the travel that is the target where none is given, as the paper specifies."""
 HEARD_S = 0.6

@@ -19,8 +19,6 @@ from typing import Any
 
 from rsicalib.errors import InputError
 
-__all__ = ["HOST", "LOCAL", "Page"]
-
 HOST = "127.0.0.1"
 LOCAL = (HOST, "localhost", "::1")
 """Addresses of this machine alone."""

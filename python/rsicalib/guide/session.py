@@ -27,8 +27,6 @@ from rsicalib.io.sources import read_json
 from rsicalib.report.words import subject
 from rsicalib.results.result import Trace
 
-__all__ = ["Session", "Settings"]
-
 KEPT = "what a guide has kept: 'struck_off' and 'repeated'"
 
 NEAR = 0.06
@@ -421,7 +419,7 @@ class Session:
                 self.off = off.reshape(-1, len(self.channels)).tolist()
                 self.repeated = [int(label) for label in kept["repeated"]]
             except (KeyError, TypeError, ValueError) as error:
-                raise InputError.at(str(path), found=str(error), expected=KEPT) from None
+                raise InputError.at(str(path), str(error), KEPT) from None
         last = max((s[-1].time_s for s in self.log.poses.values()), default=-np.inf)
         for sample in self.log.samples[-200:]:
             self._recent.append(sample.values)

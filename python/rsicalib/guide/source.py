@@ -21,8 +21,6 @@ from rsicalib.errors import InputError
 from rsicalib.io.messages import as_json
 from rsicalib.io.sources import LONGEST_LINE
 
-__all__ = ["Lines", "open_source", "started"]
-
 POLL_S = 0.05
 """Between two looks at a file that grows."""
 

@@ -6,8 +6,6 @@ import importlib
 import io
 from typing import Any
 
-__all__ = ["square"]
-
 
 def square(text: str) -> str:
     """A QR code in half blocks for a terminal; how to have one, where none can be made."""

@@ -6,8 +6,6 @@ import math
 import sys
 from typing import Any, TextIO
 
-__all__ = ["Screen"]
-
 WIDTH = 40
 
 

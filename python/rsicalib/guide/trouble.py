@@ -8,8 +8,6 @@ from typing import Literal, Self, TypeAlias
 from rsicalib.facts.shapes import Step
 from rsicalib.facts.warned import Warned, WarnedKind
 
-__all__ = ["Trouble", "TroubleKind"]
-
 TroubleKind: TypeAlias = (
     WarnedKind
     | Literal["repeat", "repeated", "slip", "wander", "bad_lines", "too_few", "not_noise", "ended"]

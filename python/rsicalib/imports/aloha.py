@@ -11,12 +11,10 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked
-from rsicalib.imports.extras import needed, read_by
 from rsicalib.imports.log import Log
 from rsicalib.imports.stretches import Recording
 from rsicalib.imports.teleop import FOLLOWER, LEADER, Teleop
-
-__all__ = ["read"]
+from rsicalib.io.extras import needed, read_by
 
 ARM = "waist shoulder elbow forearm_roll wrist_angle wrist_rotate gripper"
 """Joints of one arm, in the order of the file."""
@@ -46,7 +44,7 @@ def read(source: str, asked: Asked) -> Log:
         if recordings and names != recordings[0].names:
             found = f"{len(joints)} joints"
             expected = f"{len(recordings[0].names) // 2}, as in {files[0].name}"
-            raise InputError.at(str(file), column=STATE, found=found, expected=expected)
+            raise InputError.at(str(file), found, expected, column=STATE)
         values = np.hstack([action, state])
         time = None if asked.rate is None else np.arange(len(values)) / asked.rate
         lines = np.arange(1, len(values) + 1)
@@ -91,15 +89,14 @@ def _positions(h5py: Any, file: Path) -> tuple[FloatArray, FloatArray]:
                     hint = f"It has: {', '.join(has)[:200]}."
                     raise InputError.at(
                         str(file),
-                        column=name,
-                        found="no such data set",
-                        expected="positions, [T, joints]",
+                        "no such data set",
+                        "positions, [T, joints]",
                         hint=hint,
-                        column_word="",
+                        place=name,
                     )
             state, action = (np.asarray(root[n][()], dtype=np.float64) for n in (STATE, ACTION))
     if state.ndim != 2 or state.shape != action.shape or not len(state):
         found = f"shapes {state.shape} and {action.shape}"
         expected = f"the same shape [T, joints] of {STATE} and {ACTION}"
-        raise InputError.at(str(file), found=found, expected=expected)
+        raise InputError.at(str(file), found, expected)
     return state, action

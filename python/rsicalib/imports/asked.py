@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 
 from rsicalib.errors import InputError
 
-__all__ = ["HOLD", "Asked", "chosen"]
-
 HOLD = 0.5
 """A pose is held for so long [s], unless it is asked otherwise: less is a turning point."""
 
@@ -75,9 +73,7 @@ def chosen(
             else:
                 hint += " Say which is which by rsicalib import --channels CHANNEL=NAME,…"
             expected = f"one {what} for the channel {channel!r}"
-            raise InputError.at(
-                source, column=name, found=found, expected=expected, hint=hint, column_word=what
-            )
+            raise InputError.at(source, found, expected, column=name, hint=hint, column_word=what)
         places[channel] = fits[0]
     return places
 

@@ -17,9 +17,7 @@ from types import SimpleNamespace
 from typing import Any, Protocol
 
 from rsicalib.errors import InputError
-from rsicalib.imports.extras import needed
-
-__all__ = ["STATE", "Bag", "namespace", "open_bag"]
+from rsicalib.io.extras import needed
 
 STATE = "sensor_msgs/msg/JointState"
 
@@ -107,9 +105,9 @@ class _Channels:
         if encoding not in ENCODINGS:
             raise InputError.at(
                 self.source,
+                f"messages in {encoding!r}",
+                f"one of {', '.join(ENCODINGS)}",
                 column=channel.topic,
-                found=f"messages in {encoding!r}",
-                expected=f"one of {', '.join(ENCODINGS)}",
                 hint="Convert the file, or export the joints as CSV.",
                 column_word="topic",
             )
@@ -118,7 +116,7 @@ class _Channels:
                 return namespace(json.loads(data))
             except (ValueError, RecursionError) as error:
                 raise InputError.at(
-                    self.source, line=number, found=str(error), expected="JSON", line_word="message"
+                    self.source, str(error), "JSON", line=number, line_word="message"
                 ) from None
         store, kind = self._store(schema, encoding)
         read = store.deserialize_cdr if encoding == "cdr" else store.deserialize_ros1

@@ -25,8 +25,6 @@ from rsicalib.io.tables import PARQUET, Table, is_blank, numbers, quoted, read_t
 from rsicalib.io.times import seconds, time_column
 from rsicalib.plain_text import counted
 
-__all__ = ["read", "whole_rows"]
-
 MOST_SAID = 3
 """Groups of channels that a message names."""
 
@@ -59,7 +57,7 @@ def _files(path: Path) -> list[Path]:
         return [path]
     found = sorted(file for file in path.rglob("*") if file.suffix.lower() in PARQUET)
     if not found:
-        raise InputError.at(str(path), found="no Parquet file", expected="some")
+        raise InputError.at(str(path), "no Parquet file", "some")
     return found
 
 
@@ -69,15 +67,8 @@ def _whole(table: Table, asked: Asked) -> Table:
         return table
     row, fault = min(table.ragged.items())
     if not asked.skip_bad_rows:
-        raise InputError.at(
-            table.source,
-            line=int(table.lines[row]),
-            column=fault.column,
-            found=fault.found,
-            expected=fault.expected,
-            hint=f"{len(table.ragged)} such rows: leave them out by --skip-bad-rows.",
-            line_word=table.line_word,
-        )
+        hint = f"{len(table.ragged)} such rows: leave them out by --skip-bad-rows."
+        raise table.fault(row, fault.column, fault.found, fault.expected, hint)
     keep = [k for k in range(len(table.lines)) if k not in table.ragged]
     columns: list[Any] = [[column[k] for k in keep] for column in table.columns]
     return replace(table, columns=columns, lines=table.lines[keep], ragged={})
@@ -90,9 +81,9 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
     if np.isfinite(named).all() and not np.array_equal(named, np.arange(len(named))):
         raise InputError.at(
             table.source,
+            "numbers",
+            "names of columns",
             line=table.header,
-            found="numbers",
-            expected="names of columns",
             hint="Put a header line above them.",
             line_word=table.line_word,
         )
@@ -114,7 +105,7 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
     places = chosen(channels, table.names, table.source)
     if not places or not len(table.lines):
         said = "no rows" if places else "no column of numbers"
-        raise InputError.at(table.source, found=said, expected="readings of at least one channel")
+        raise InputError.at(table.source, said, "readings of at least one channel")
     blank = np.array([[is_blank(c) for c in table.columns[k]] for k in places.values()]).T
     keep, others = whole_rows(
         ~blank, list(places), table.lines, table.source, asked.skip_bad_rows, table.line_word
@@ -129,15 +120,9 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
             cells = [str(cell).replace(",", ".") for cell in cells]
         found = seconds(cells, table.names[place])
         if isinstance(found, int):
-            line = int(table.lines[keep[found]])
-            raise InputError.at(
-                table.source,
-                line=line,
-                column=table.names[place],
-                found=quoted(cells[found]),
-                expected="a time: seconds, an integer since 1970, or a date as ISO 8601 has it",
-                line_word=table.line_word,
-            )
+            expected = "a time: seconds, an integer since 1970, or a date as ISO 8601 has it"
+            row, name = int(keep[found]), table.names[place]
+            raise table.fault(row, name, quoted(cells[found]), expected)
         time, note = found
         notes += [note] if note else []
     return Recording(tuple(places), values, time, table.lines[keep]), notes
@@ -150,7 +135,7 @@ def _refuse_timeless(recording: Recording, table: Table, asked: Asked) -> None:
     hint = f"Those of the log: {', '.join(table.names)[:300]}. Name one so, or say how many rows "
     hint += "there are in a second by rsicalib import --rate HZ, or take all by --hold 0."
     expected = "one called time, timestamp or t, with its unit or without (time_ms)"
-    raise InputError.at(table.source, found="no column of times", expected=expected, hint=hint)
+    raise InputError.at(table.source, "no column of times", expected, hint=hint)
 
 
 def _numeric(table: Table, place: int) -> bool:
@@ -177,15 +162,8 @@ def _cells(table: Table, place: int, keep: np.ndarray) -> FloatArray:
         row = int(keep[bad[0]])
         cell, name = table.columns[place][row], table.names[place]
         again = "The header stands here once more, or the first line is none."
-        raise InputError.at(
-            table.source,
-            line=int(table.lines[row]),
-            column=name,
-            found=quoted(cell),
-            expected="a finite number",
-            hint=again if text(cell) == name else "",
-            line_word=table.line_word,
-        )
+        hint = again if text(cell) == name else ""
+        raise table.fault(row, name, quoted(cell), "a finite number", hint)
     return values
 
 
@@ -245,16 +223,15 @@ def whole_rows(
         hint += f"{_together(there[part], names)}."
         raise InputError.at(
             source,
+            f"no reading of {', '.join(missing)}",
+            f"one of each of the {len(names)} channels, or of none",
             line=int(lines[row]),
-            column=missing[0],
-            found=f"no reading of {', '.join(missing)}",
-            expected=f"one of each of the {len(names)} channels, or of none",
             hint=hint,
             line_word=word,
-            column_word="",
+            place=missing[0],
         )
     whole = np.flatnonzero(count == len(names))
     if not whole.size:
         expected = f"readings of {', '.join(names)} in one {word}"
-        raise InputError.at(source, found=f"no {word} with all of them", expected=expected)
+        raise InputError.at(source, f"no {word} with all of them", expected)
     return whole, len(there) - len(whole)

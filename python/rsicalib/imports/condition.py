@@ -13,8 +13,6 @@ import numpy as np
 from rsicalib.errors import InputError
 from rsicalib.imports.bags import Bag
 
-__all__ = ["Condition"]
-
 COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     ">=": operator.ge,
     "<=": operator.le,
@@ -65,14 +63,7 @@ class Condition:
         fits = [t for t in topics if place == t or place.startswith((f"{t}.", f"{t}["))]
         if not fits:
             hint = f"Its topics: {', '.join(topics)[:300]}."
-            raise InputError.at(
-                source,
-                column=place,
-                found="no such topic",
-                expected=EXPECTED,
-                hint=hint,
-                column_word="",
-            )
+            raise InputError.at(source, "no such topic", EXPECTED, hint=hint, place=place)
         topic = max(fits, key=len)
         path = tuple(re.findall(r"[^.\[\]]+", place[len(topic) :]))
         return cls(text, topic, path, match[2], value)
@@ -99,12 +90,11 @@ class Condition:
             fields = ", ".join(_fields(message))
             raise InputError.at(
                 source,
+                f"no number there; {self.topic} has the fields {fields}",
+                EXPECTED,
                 line=number,
-                column=self.text,
-                found=f"no number there; {self.topic} has the fields {fields}",
-                expected=EXPECTED,
                 line_word="message",
-                column_word="",
+                place=self.text,
             ) from None
 
 

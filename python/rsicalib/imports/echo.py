@@ -12,8 +12,6 @@ from rsicalib.imports.ros import STOPPED, Message, log_of
 from rsicalib.io.messages import documents, message_of
 from rsicalib.io.sources import read_text
 
-__all__ = ["read"]
-
 
 def read(source: str, asked: Asked) -> Log:
     """Read the messages of a topic.
@@ -30,11 +28,11 @@ def read(source: str, asked: Asked) -> Log:
         if isinstance(found, str):
             expected = "a joint state that is whole"
             said = found.removeprefix("found ")
-            raise InputError.at(source, line=line, found=said, expected=expected, hint=STOPPED)
+            raise InputError.at(source, said, expected, line=line, hint=STOPPED)
         messages.append((None, namespace(found)))
         lines.append(line)
     if not messages:
-        raise InputError.at(source, found="no message", expected="joint states")
+        raise InputError.at(source, "no message", "joint states")
     return log_of(
         source, "joint states as text", "the text", messages, np.array(lines), None, asked, "line"
     )

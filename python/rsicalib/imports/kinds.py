@@ -16,8 +16,6 @@ from rsicalib.imports.asked import Asked
 from rsicalib.imports.log import Log
 from rsicalib.io.tables import PARQUET
 
-__all__ = ["KINDS", "Kind", "format_of", "is_table", "whole_of"]
-
 HEAD = 1 << 20
 """Bytes at the head of a file that tell what it is: a log has much talk before its readings."""
 

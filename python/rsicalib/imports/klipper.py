@@ -20,8 +20,6 @@ from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.klipper_config import TOWERS, Config, read_config
 from rsicalib.imports.log import Column, Log, Session
 
-__all__ = ["read"]
-
 ANGLES = {"a": 210.0, "b": 330.0, "c": 90.0}
 """Angles of the towers [°] where the file has none: Klipper's own."""
 
@@ -56,14 +54,7 @@ def read(source: str, asked: Asked) -> Log:
     if not probes:
         hint = "Run DELTA_CALIBRATE and SAVE_CONFIG first."
         expected = "heights and steps: height0, height0_pos, …"
-        raise InputError.at(
-            source,
-            column="[delta_calibrate]",
-            found="none",
-            expected=expected,
-            hint=hint,
-            column_word="",
-        )
+        raise InputError.at(source, "none", expected, hint=hint, place="[delta_calibrate]")
     height, _ = Counter(h for h, _, _ in probes).most_common(1)[0]
     ends = [_measured(config, "distance", end) for end in ("_pos1", "_pos2")]
     if ends[0]:

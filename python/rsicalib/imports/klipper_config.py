@@ -12,8 +12,6 @@ import numpy as np
 from rsicalib.errors import InputError
 from rsicalib.io.sources import read_text
 
-__all__ = ["TOWERS", "Config", "read_config"]
-
 TOWERS = ("a", "b", "c")
 
 AUTOSAVE = "#*#"
@@ -40,9 +38,7 @@ class Config:
         text, source, line = self.values.get((section, option), (None, self.source, None))
         found = "no such option" if text is None else repr(text)
         place = f"[{section}] {option}"
-        return InputError.at(
-            source, line=line, column=place, found=found, expected=expected, column_word=""
-        )
+        return InputError.at(source, found, expected, line=line, place=place)
 
     def number(self, section: str, option: str, default: float | None = None) -> float:
         """An option as a number."""
@@ -120,11 +116,10 @@ def _read_into(
                     where = f"[{section}]"
                     raise InputError.at(
                         str(path),
+                        "no such file",
+                        "the file that is included",
                         line=number,
-                        column=where,
-                        found="no such file",
-                        expected="the file that is included",
-                        column_word="",
+                        place=where,
                     )
                 for file in found:
                     if file not in above:

@@ -22,8 +22,6 @@ from rsicalib.imports.stretches import Recording
 from rsicalib.imports.teleop import FOLLOWER, LEADER, POSITION, Teleop, short_names
 from rsicalib.io.sources import read_json
 
-__all__ = ["read"]
-
 SIDES = {"observation.state": FOLLOWER, "action": LEADER}
 """Columns of a data set, and what their joints are called here."""
 
@@ -51,7 +49,7 @@ def read(source: str, asked: Asked) -> Log:
     if "observation.state" not in names:
         found, expected = "no such feature", "positions of the arm"
         where = str(root / "meta" / "info.json")
-        raise InputError.at(where, column="observation.state", found=found, expected=expected)
+        raise InputError.at(where, found, expected, column="observation.state")
     rate = info["fps"]
     recordings, digest = [], hashlib.sha256()
     for episode, rows, lines in episodes(root, info, [*names], asked.episodes):
@@ -70,7 +68,7 @@ def read(source: str, asked: Asked) -> Log:
     sessions, mechanism, findings = told.sessions(asked)
     if not sessions:
         expected = "rows in which no joint is clamped at the end of its range"
-        raise InputError.at(source, found="none", expected=expected)
+        raise InputError.at(source, "none", expected)
     others = [n for key, at in taken.items() for k, n in enumerate(features[key]) if k not in at]
     if others:
         findings.append(f"no positions, and not taken: {', '.join(dict.fromkeys(others))}")
@@ -87,9 +85,7 @@ def _checked(path: Path) -> dict[str, Any]:
 
     def refuse(key: str, expected: str, hint: str = "") -> InputError:
         found = repr(info[key])[:80] if key in info else "nothing"
-        return InputError.at(
-            str(path), column=key, found=found, expected=expected, hint=hint, column_word=""
-        )
+        return InputError.at(str(path), found, expected, hint=hint, place=key)
 
     if not str(info.get("codebase_version")).startswith(("v2.", "v3.")):
         hint = "LeRobot has a program that converts an earlier data set. A later one is not known."
@@ -131,7 +127,7 @@ def _names(info: dict[str, Any], key: str, root: Path) -> list[str]:
         where = str(root / "meta" / "info.json")
         place = f"features.{key}.names"
         found, expected = f"{names!r}"[:80], "a name for each joint, each once"
-        raise InputError.at(where, column=place, found=found, expected=expected, column_word="")
+        raise InputError.at(where, found, expected, place=place)
     return list(names)
 
 
@@ -142,11 +138,10 @@ def _matrix(cells: list[Any], names: list[str], key: str, place: str) -> FloatAr
         if size != len(names):
             raise InputError.at(
                 place,
+                f"{size} numbers",
+                f"{len(names)}: {', '.join(names)}",
                 line=number,
-                column=key,
-                found=f"{size} numbers",
-                expected=f"{len(names)}: {', '.join(names)}",
                 line_word="row",
-                column_word="",
+                place=key,
             )
     return short_floats(np.array(cells, dtype=np.float32).ravel()).reshape(-1, len(names))

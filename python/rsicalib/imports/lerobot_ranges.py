@@ -6,8 +6,6 @@ from rsicalib.errors import InputError
 from rsicalib.imports.teleop import FOLLOWER, LEADER, short_names
 from rsicalib.io.sources import read_json
 
-__all__ = ["read_calibration", "read_ranges"]
-
 OF_A_RANGE = ("homing_offset", "range_min", "range_max", "drive_mode")
 
 
@@ -38,7 +36,5 @@ def read_calibration(path: str) -> dict[str, dict[str, int]]:
             value = entry.get(key) if isinstance(entry, dict) else None
             if not isinstance(value, int):
                 place = f"{joint}.{key}"
-                raise InputError.at(
-                    path, column=place, found=repr(value), expected="an integer", column_word=""
-                )
+                raise InputError.at(path, repr(value), "an integer", place=place)
     return found

@@ -10,9 +10,7 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
-from rsicalib.imports.extras import needed, read_by
-
-__all__ = ["Rows", "episodes", "short_floats"]
+from rsicalib.io.extras import needed, read_by
 
 Rows = tuple[int, dict[str, list[Any]], IntArray]
 """Number of an episode, its columns, and where its rows stand in their files."""
@@ -46,7 +44,7 @@ def episodes(
     beyond = [episode for episode in wanted if not 0 <= episode < total]
     if beyond or not wanted:
         said = f"no episode {beyond[0]}" if beyond else "no episode"
-        raise InputError.at(str(root), found=said, expected=f"episodes 0 to {total - 1}")
+        raise InputError.at(str(root), said, f"episodes 0 to {total - 1}")
     found: dict[int, list[tuple[Any, IntArray]]] = {}
     for file in _files(root, info, wanted):
         table = _table(file, keys)
@@ -61,9 +59,7 @@ def episodes(
         if count != lengths.get(episode, count) or not parts:
             expected = f"{lengths.get(episode, 'some')} rows, as meta/episodes says"
             place = f"episode {episode}"
-            raise InputError.at(
-                str(root), column=place, found=f"{count} rows", expected=expected, column_word=""
-            )
+            raise InputError.at(str(root), f"{count} rows", expected, place=place)
         columns = {
             name: [cell for part, _ in parts for cell in part[name].to_pylist()]
             for name in parts[0][0].column_names
@@ -84,14 +80,14 @@ def _table(file: Path, keys: Sequence[str]) -> Any:
     if not file.is_file():
         hint = "Fetch it, or read the episodes that there are by rsicalib import --episodes N,…"
         expected = "rows of the data set"
-        raise InputError.at(str(file), found="no such file", expected=expected, hint=hint)
+        raise InputError.at(str(file), "no such file", expected, hint=hint)
     parquet = needed("pyarrow.parquet", str(file), "a LeRobot data set")
     with read_by("pyarrow", str(file), "rows of the data set"):
         names = parquet.ParquetFile(file).schema_arrow.names
         lacking = [name for name in [*keys, INDEX] if name not in names]
         if lacking:
             expected = f"a column {lacking[0]!r}, as meta/info.json says"
-            raise InputError.at(str(file), found="no such column", expected=expected)
+            raise InputError.at(str(file), "no such column", expected)
         return parquet.read_table(file, columns=[*keys, INDEX, *({TIME} & {*names})])
 
 

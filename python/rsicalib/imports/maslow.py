@@ -19,8 +19,6 @@ from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.log import Log, Session
 from rsicalib.io.sources import decoded, read_bytes
 
-__all__ = ["BELTS", "read"]
-
 BELTS = ("tl", "tr", "bl", "br")
 
 REPEATS = 2.5
@@ -62,7 +60,7 @@ def read(source: str, asked: Asked) -> Log:
     runs, replaced = _runs(decoded(data, source), source)
     if not runs:
         expected = "belt lengths such as {bl:749.78, br:2512.68, tr:2851.43, tl:1601.13}"
-        raise InputError.at(source, found="none", expected=expected)
+        raise InputError.at(source, "none", expected)
     places = chosen(asked.channels, BELTS, source, "belt")
     sessions = tuple(
         _session(run, places, asked, f"run {k}" if len(runs) > 1 else "")
@@ -137,15 +135,7 @@ def _lengths(body: str, end: str, position: int, line: int, source: str) -> list
     def refuse(found: str, expected: str) -> InputError:
         hint = "Characters get lost on the line: take the log again, or delete the position."
         place = f"position {position}"
-        return InputError.at(
-            source,
-            line=line,
-            column=place,
-            found=found,
-            expected=expected,
-            hint=hint,
-            column_word="",
-        )
+        return InputError.at(source, found, expected, line=line, hint=hint, place=place)
 
     if end != "}":
         raise refuse(f"'{{{body[:40].strip()}', which does not end", "'}' before the next")

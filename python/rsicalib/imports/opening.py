@@ -9,13 +9,11 @@ from typing import Any
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked
-from rsicalib.imports.extras import wrapped
 from rsicalib.imports.kinds import KINDS, format_of, is_table, whole_of
 from rsicalib.imports.log import Log
+from rsicalib.io.extras import wrapped
 from rsicalib.options import checked
 from rsicalib.plain_text import meant
-
-__all__ = ["import_log", "joints_of"]
 
 
 @checked
@@ -82,11 +80,11 @@ def import_log(
             format = "columns"
         if format is None:
             found, expected, hint = _unknown(name)
-            raise InputError.at(name, found=found, expected=expected, hint=hint)
+            raise InputError.at(name, found, expected, hint=hint)
     elif format not in KINDS:
         found = f"no format {format!r}{meant(format, KINDS)}"
         expected = f"one of {', '.join(KINDS)}"
-        raise InputError.at(name, found=found, expected=expected)
+        raise InputError.at(name, found, expected)
     given = {"topic": topic, "when": when, "rate": rate, "episodes": episodes, "ranges": ranges}
     useless = [k for k, v in given.items() if v and k not in KINDS[format].takes.split()]
     if useless:

@@ -19,11 +19,9 @@ from rsicalib.imports.asked import HOLD, Asked, chosen
 from rsicalib.imports.bags import STATE, Bag, open_bag
 from rsicalib.imports.columns import whole_rows
 from rsicalib.imports.condition import Condition
-from rsicalib.imports.extras import read_by
 from rsicalib.imports.log import Log
 from rsicalib.imports.stretches import Recording, session_of
-
-__all__ = ["Message", "log_of", "read"]
+from rsicalib.io.extras import read_by
 
 Message = tuple[int | None, Any]
 """Time of receipt [ns], where it is known, and the message."""
@@ -59,7 +57,7 @@ def read(source: str, asked: Asked) -> Log:
                 inside = Condition.of(asked.when, bag.topics, source).holds(bag, messages, source)
     if not messages:
         expected = "messages with joint states"
-        raise InputError.at(source, column=topic, found="none", expected=expected, column_word="")
+        raise InputError.at(source, "none", expected, place=topic)
     lines = np.arange(1, len(messages) + 1)
     return log_of(source, "bag of ROS", topic, messages, lines, inside, asked)
 
@@ -84,9 +82,7 @@ def _topic(bag: Bag, asked: str | None, source: str) -> str:
             has = asked in bag.topics
             found = f"messages of {bag.topics[asked]}" if has else "no such topic"
             hint = f"Topics with joint states: {', '.join(sorted(known)) or 'none'}."
-            raise InputError.at(
-                source, column=asked, found=found, expected=STATE, hint=hint, column_word="topic"
-            )
+            raise InputError.at(source, found, STATE, column=asked, hint=hint, column_word="topic")
         return asked
     states = [name for name in known if not _is_command(name)] or known
     if len(states) != 1:
@@ -94,7 +90,7 @@ def _topic(bag: Bag, asked: str | None, source: str) -> str:
         hint = f"Say which by rsicalib import --topic: {', '.join(states)}." if states else ""
         all_topics = ", ".join(f"{name} ({kind})" for name, kind in bag.topics.items())
         hint = hint or f"Its topics: {all_topics[:300]}."
-        raise InputError.at(source, found=found, expected=f"one topic of {STATE}", hint=hint)
+        raise InputError.at(source, found, f"one topic of {STATE}", hint=hint)
     return states[0]
 
 
@@ -150,9 +146,9 @@ def log_of(
             if not _finite(at[joint]):
                 raise InputError.at(
                     source,
+                    f"no finite position of {joint}",
+                    "finite positions",
                     line=int(lines[row]),
-                    found=f"no finite position of {joint}",
-                    expected="finite positions",
                     line_word=word,
                 )
             table[row, column], there[row, column] = at[joint], True
@@ -167,7 +163,7 @@ def log_of(
         findings.append(f"{contact.mean():.0%} of the messages are under {asked.when}")
         if not contact.any():
             expected = "at least one message at which the condition holds"
-            raise InputError.at(source, column=asked.when, found="none", expected=expected)
+            raise InputError.at(source, "none", expected, column=asked.when)
     if _is_command(topic) or _looks_commanded(values, time):
         findings.append(
             f"the positions of {topic} look like commands: they stand exactly still, and are finer "
@@ -186,9 +182,7 @@ def _positions(message: Any, number: int, source: str, word: str) -> dict[str, f
 
     def refuse(found: str, expected: str) -> InputError:
         hint = STOPPED if word == "line" else ""
-        return InputError.at(
-            source, line=number, found=found, expected=expected, hint=hint, line_word=word
-        )
+        return InputError.at(source, found, expected, line=number, hint=hint, line_word=word)
 
     lists: list[Any] = [getattr(message, field, None) for field in ("name", "position")]
     if any(one is None or isinstance(one, str) or not hasattr(one, "__len__") for one in lists):
@@ -228,9 +222,7 @@ def _times(
             stamps.append(_stamp(message))
         except (TypeError, ValueError):
             found, expected = "a stamp that is no time", "whole seconds and nanoseconds"
-            raise InputError.at(
-                source, line=line, found=found, expected=expected, line_word=word
-            ) from None
+            raise InputError.at(source, found, expected, line=line, line_word=word) from None
     received = [time for time, _ in messages if time is not None]
     first = next((row for row, stamp in enumerate(stamps) if stamp), None)
     if first is None and not received:
@@ -242,9 +234,9 @@ def _times(
     if blank is not None:  # simulated time begins at zero: there that is no blank
         raise InputError.at(
             source,
+            "a header without time, where others have one",
+            "a time in each header, or in none",
             line=int(lines[blank]),
-            found="a header without time, where others have one",
-            expected="a time in each header, or in none",
             line_word=word,
         )
     time = np.array([s - stamps[0] for s in stamps]) / 1e9

@@ -12,8 +12,6 @@ from rsicalib.errors import InputError
 from rsicalib.io.tables import Table, is_blank, quoted
 from rsicalib.io.times import seconds
 
-__all__ = ["in_columns"]
-
 SERIES, VALUE = "topic", "value"
 TIMES = ("header.stamp", "receive time", "elapsed time")
 """Of a row; that of the measurement first, where each row has it."""
@@ -44,32 +42,21 @@ def in_columns(table: Table) -> Table:
     known = [n for n in TIMES if n in columns and not any(map(is_blank, columns[n]))]
     if not known:
         expected = f"a time in each row ({', '.join(TIMES)})"
-        raise InputError.at(table.source, found="rows without one", expected=expected)
+        raise InputError.at(table.source, "rows without one", expected)
     cells: Sequence[Any] = list(columns[known[0]])
     found = seconds(cells, known[0])
     if isinstance(found, int):
-        raise _refuse(table, found, known[0], quoted(cells[found]), "a time")
+        raise table.fault(found, known[0], quoted(cells[found]), "a time")
     rows: dict[str, dict[str, Any]] = {}
     first: dict[str, int] = {}
     for k, (cell, name) in enumerate(zip(cells, columns[SERIES], strict=True)):
         row = rows.setdefault(str(cell), {})
         first.setdefault(str(cell), k)
         if str(name) in row:
-            raise _refuse(table, k, SERIES, f"{name} twice at {cell}", "one value at a time")
+            raise table.fault(k, SERIES, f"{name} twice at {cell}", "one value at a time")
         row[str(name)] = columns[VALUE][k]
     order = sorted(rows, key=lambda cell: found[0][first[cell]])
     names = list(dict.fromkeys(map(str, columns[SERIES])))
     made: list[Any] = [order, *([rows[cell].get(name) for cell in order] for name in names)]
     lines = np.array([table.lines[first[cell]] for cell in order], dtype=np.int64)
     return replace(table, names=[known[0], *names], columns=made, lines=lines, ragged={})
-
-
-def _refuse(table: Table, row: int, column: str, found: str, expected: str) -> InputError:
-    return InputError.at(
-        table.source,
-        line=int(table.lines[row]),
-        column=column,
-        found=found,
-        expected=expected,
-        line_word=table.line_word,
-    )

@@ -12,8 +12,6 @@ from rsicalib.errors import InputError
 from rsicalib.imports.asked import HOLD, Asked
 from rsicalib.imports.log import Column, Session
 
-__all__ = ["Recording", "session_of"]
-
 
 @dataclass(frozen=True, eq=False)
 class Recording:
@@ -72,10 +70,10 @@ def session_of(
         expected = f"a finite number, of {LARGEST:g} at the most"
         raise InputError.at(
             source,
+            found,
+            expected,
             line=int(recording.lines[row]),
             column=recording.names[column],
-            found=found,
-            expected=expected,
             line_word="row",
         )
     time = recording.time_s
@@ -88,12 +86,12 @@ def session_of(
     hint = "Say it by rsicalib import --rate HZ, or take all by --hold 0."
     if time is None:
         found, expected = "no times", "times, or how many rows there are in a second"
-        raise InputError.at(source, found=found, expected=expected, hint=hint)
+        raise InputError.at(source, found, expected, hint=hint)
     apart = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
     if apart == 0.0:
         found = "times that most rows share with the row before"
         expected = "a time for each row, or how many rows there are in a second"
-        raise InputError.at(source, found=found, expected=expected, hint=hint)
+        raise InputError.at(source, found, expected, hint=hint)
     stretches = still_stretches(recording.values, time, hold, inside)
     rule = f"still for {hold:g} s or more, each channel in its own noise"
     if not stretches:

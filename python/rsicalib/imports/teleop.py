@@ -18,8 +18,6 @@ from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.log import Session
 from rsicalib.imports.stretches import Recording, session_of
 
-__all__ = ["FOLLOWER", "LEADER", "POSITION", "Teleop", "short_names", "ticks"]
-
 LEADER, FOLLOWER = "leader_", "follower_"
 
 POSITION = ".pos"
@@ -124,10 +122,10 @@ class Teleop:
             source = f"{self.source}, {part.name}" if part.name else self.source
             raise InputError.at(
                 source,
+                str(part.values[row, column]),
+                f"a finite number, of {LARGEST:g} at the most",
                 line=int(part.lines[row]),
                 column=part.names[column],
-                found=str(part.values[row, column]),
-                expected=f"a finite number, of {LARGEST:g} at the most",
                 line_word="row",
             )
 

@@ -8,8 +8,6 @@ from pathlib import Path
 
 from rsicalib._core import Mechanism
 
-__all__ = ["BUILTIN", "DEFAULT"]
-
 DEFAULT = "rsi"
 """The mechanism that holds where none is given."""
 

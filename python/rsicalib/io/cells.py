@@ -21,19 +21,6 @@ from rsicalib.io.tables import Table, is_blank, numbers, quoted, text
 from rsicalib.io.times import time_column
 from rsicalib.plain_text import meant
 
-__all__ = [
-    "COLUMNS",
-    "POSE",
-    "TEXTS",
-    "USED",
-    "ChannelLike",
-    "Fault",
-    "MechanismLike",
-    "needed_columns",
-    "read_cells",
-    "read_header",
-]
-
 POSE = ("x", "y", "z", "rx", "ry", "rz")
 TEXTS = ("group", "at")
 TIME = "time_s"
@@ -57,26 +44,6 @@ EXACT = 2.0**53
 """Beyond this not every integer is a float64, and two labels could become one."""
 
 
-class ChannelLike(Protocol):
-    """What is asked of a channel."""
-
-    @property
-    def name(self) -> str:
-        """Column of the readings."""
-
-    @property
-    def unit(self) -> str:
-        """`count` for the codes of a converter, else a physical unit."""
-
-    @property
-    def range(self) -> tuple[float, float] | None:
-        """Least and greatest reading there can be, both included."""
-
-    @property
-    def gain(self) -> float:
-        """Joint coordinate per unit of reading."""
-
-
 class MechanismLike(Protocol):
     """What is asked of a mechanism."""
 
@@ -85,7 +52,7 @@ class MechanismLike(Protocol):
         """What messages call it."""
 
     @property
-    def channels(self) -> Sequence[ChannelLike]:
+    def channels(self) -> Sequence[_core.Channel]:
         """In the order of `Readings.values`."""
 
     @property
@@ -129,9 +96,7 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
     line = table.header if table.line_word == "line" else None
 
     def refuse(column: str, found: str, expected: str, hint: str = "") -> InputError:
-        return InputError.at(
-            table.source, line=line, column=column, found=found, expected=expected, hint=hint
-        )
+        return InputError.at(table.source, found, expected, line=line, column=column, hint=hint)
 
     index: dict[str, int] = {}
     for position, name in enumerate(table.names):
@@ -274,7 +239,7 @@ def _closed_by_none(
 
 
 def _channel(
-    values: FloatArray, channel: ChannelLike
+    values: FloatArray, channel: _core.Channel
 ) -> tuple[FloatArray, npt.NDArray[np.bool_], str]:
     if channel.range is None:
         bad, expected = _too_large(values)

@@ -11,8 +11,6 @@ from typing import TextIO
 
 from rsicalib.errors import InputError
 
-__all__ = ["forget_parts", "whole_file", "write_bytes", "write_text"]
-
 try:
     import fcntl
 except ImportError:  # Windows

@@ -20,17 +20,6 @@ from typing import ClassVar
 from rsicalib.errors import InputError
 from rsicalib.io.files import write_bytes, write_text
 
-__all__ = [
-    "EXPORT",
-    "IMPORT",
-    "MARK",
-    "OF_LOG",
-    "TRUTH",
-    "Sealed",
-    "refuse_foreign",
-    "write_folder",
-]
-
 MARK = "Written by rsicalib"
 """A line with these words marks a text file that may be replaced."""
 
@@ -147,7 +136,7 @@ def refuse_foreign(
         if os.path.exists(path) and not _is_ours(path):
             found = "a file that rsicalib did not write"
             hint = "Choose another folder, or replace the file with --force (force=True)."
-            raise InputError.at(str(path), found=found, expected="no file", hint=hint)
+            raise InputError.at(str(path), found, "no file", hint=hint)
 
 
 def _is_ours(path: Path) -> bool:
@@ -201,7 +190,7 @@ def _locked(folder: Path) -> Iterator[None]:
             fcntl.flock(at, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             found = "another rsicalib that writes there"
-            raise InputError.at(str(folder), found=found, expected="one at a time") from None
+            raise InputError.at(str(folder), found, "one at a time") from None
         except OSError:
             pass  # a file system without locks
         yield

@@ -8,8 +8,6 @@ from pathlib import Path
 
 from rsicalib.io.urdf_tree import how_to_expand, refuse
 
-__all__ = ["refuse_foreign"]
-
 HEAD = 1 << 14
 """Bytes at the head of a file that tell what it is."""
 

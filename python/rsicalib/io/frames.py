@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, TypeAlias, TypeGuard
 
@@ -11,22 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib.errors import InputError, InputTypeError
+from rsicalib.io.extras import needed
 from rsicalib.io.tables import Table, table_of_arrays
-
-__all__ = [
-    "SOURCE",
-    "ArraysArg",
-    "Cells",
-    "Columns",
-    "FrameArg",
-    "TableArg",
-    "as_table",
-    "columns_of",
-    "frame_of",
-    "in_memory",
-    "is_frame",
-    "table_in_memory",
-]
 
 Cells: TypeAlias = Sequence[Any] | npt.NDArray[Any]
 Columns: TypeAlias = dict[str, Cells]
@@ -97,7 +82,7 @@ def as_table(given: Any) -> Any:
         names = list(given[0])
         if odd := next((n for row in given for n in row.keys() ^ given[0].keys()), None):
             found, expected = f"rows with and without {odd!r}", "the same names in all rows"
-            raise InputError.at(SOURCE, found=found, expected=expected)
+            raise InputError.at(SOURCE, found, expected)
         return {str(name): [row[name] for row in given] for name in names}
     if all(isinstance(row, list | tuple) and row and all(map(_number, row)) for row in given):
         if len({len(row) for row in given}) > 1:
@@ -148,7 +133,7 @@ def table_in_memory(given: object, channels: Sequence[str]) -> Table:
         raise InputTypeError(f"readings: found {given!r}, expected {EXPECTED}")
     columns = columns_of(given)
     if not columns:
-        raise InputError.at(SOURCE, found="no columns", expected="one for each channel")
+        raise InputError.at(SOURCE, "no columns", "one for each channel")
     blocks: list[tuple[Sequence[str], object]] = [
         ([str(name)], cells) for name, cells in columns.items()
     ]
@@ -210,16 +195,10 @@ def _with_index(frame: Any) -> Any:
 
 
 def _as_arrow(frame: Any) -> Any:
-    try:
-        # By name: an optional dependency, and its typing differs between versions.
-        pyarrow: Any = importlib.import_module("pyarrow")
-        interchange: Any = importlib.import_module("pyarrow.interchange")
-    except ImportError:
-        hint = "Install it with: pip install rsicalib[parquet]"
-        found = f"a {type(frame).__name__}, and no pyarrow to read it"
-        raise InputError.at(SOURCE, found=found, expected="pyarrow", hint=hint) from None
-    arrow = hasattr(frame, "__arrow_c_stream__")
-    return pyarrow.table(frame) if arrow else interchange.from_dataframe(frame)
+    what = f"a {type(frame).__name__}"
+    if hasattr(frame, "__arrow_c_stream__"):
+        return needed("pyarrow", SOURCE, what).table(frame)
+    return needed("pyarrow.interchange", SOURCE, what).from_dataframe(frame)
 
 
 def _arrow(column: Any) -> Any:
@@ -234,7 +213,7 @@ def _plain(cells: Any) -> Cells:
     else:
         array = np.asarray(cells.to_numpy() if hasattr(cells, "to_numpy") else cells)
     if array.ndim != 1:
-        raise InputError.at(SOURCE, found=f"a column of shape {array.shape}", expected="(n,)")
+        raise InputError.at(SOURCE, f"a column of shape {array.shape}", "(n,)")
     if array.dtype.kind in "iuf":
         return array
     if array.dtype.kind != "U":
@@ -249,4 +228,4 @@ def _refuse_doubled(names: list[str]) -> None:
     for name in names:
         if names.count(name) > 1:
             found = f"{names.count(name)} columns of this name"
-            raise InputError.at(SOURCE, column=name, found=found, expected="one")
+            raise InputError.at(SOURCE, found, "one", column=name)

@@ -28,14 +28,6 @@ from rsicalib.io.urdf_tree import listed, refuse
 from rsicalib.plain_text import meant
 from rsicalib.tabular import html_table
 
-__all__ = [
-    "expansion_notes",
-    "load_mechanism",
-    "mechanism_document",
-    "mechanism_html",
-    "read_mechanism",
-]
-
 MARK = "\ufeff"
 """What editors write before a text, to say that it is of Unicode."""
 

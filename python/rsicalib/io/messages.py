@@ -25,8 +25,6 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-__all__ = ["as_json", "documents", "is_message", "message_of", "positions_of"]
-
 END = "---"
 TALK = re.compile(r"WARNING\b|\[WARN|A message was lost|\s*total count")
 """Lines that are of the command, not of the topic."""

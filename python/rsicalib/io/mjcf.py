@@ -18,8 +18,6 @@ from rsicalib.io.mjcf_tree import BALL, FREE, HINGE, SLIDE, Body, MjJoint, Model
 from rsicalib.io.rigid import Matrix, align_z, inverse, rigid, xyz_rpy
 from rsicalib.io.urdf_tree import Element
 
-__all__ = ["is_mjcf", "mechanism_of_mjcf"]
-
 KINDS = {HINGE: "revolute", SLIDE: "prismatic"}
 """What the rows call the types of MuJoCo."""
 

@@ -19,8 +19,6 @@ from rsicalib.io.rigid import Matrix, rigid, rotation
 from rsicalib.io.sources import read_text
 from rsicalib.io.urdf_tree import Element, parse_xml, read_numbers, refuse
 
-__all__ = ["Body", "MjJoint", "Model"]
-
 HINGE, SLIDE, BALL, FREE = "hinge", "slide", "ball", "free"
 
 

@@ -8,8 +8,6 @@ from rsicalib.errors import InputError
 from rsicalib.facts.warned import Warned
 from rsicalib.io.samples import Samples
 
-__all__ = ["check_poses_are_together", "time_goes_back"]
-
 
 def check_poses_are_together(readings: Samples) -> None:
     """Refuse a pose that begins again after another pose.
@@ -30,11 +28,10 @@ def check_poses_are_together(readings: Samples) -> None:
     before = int(np.flatnonzero(pose[:again] == pose[again])[-1])
     raise InputError.at(
         readings.source,
+        f"pose {pose[again]} again, which ended at {readings.line_word} {readings.lines[before]}",
+        "the rows of a pose next to each other",
         line=int(readings.lines[again]),
         column="pose",
-        found=f"pose {pose[again]} again, which ended at {readings.line_word} "
-        f"{readings.lines[before]}",
-        expected="the rows of a pose next to each other",
         hint="Give each visit a number of its own; sessions go into files of their own.",
         line_word=readings.line_word,
     )

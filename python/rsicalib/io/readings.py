@@ -6,9 +6,6 @@ What is suspicious but usable becomes a warning (`rsicalib.io.suspicions`).
 
 from __future__ import annotations
 
-import csv
-import io
-import math
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -29,7 +26,8 @@ from rsicalib.io.cells import (
     read_cells,
     read_header,
 )
-from rsicalib.io.files import whole_file
+from rsicalib.io.csv_text import csv_of
+from rsicalib.io.files import write_text
 from rsicalib.io.frames import TableArg, table_in_memory
 from rsicalib.io.order import check_poses_are_together, time_goes_back
 from rsicalib.io.repeats import numbered
@@ -45,8 +43,6 @@ from rsicalib.io.tables import (
 )
 from rsicalib.io.units_row import without_units
 from rsicalib.tabular import Tabular
-
-__all__ = ["Readings", "load_readings", "readings_of_table"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -173,7 +169,7 @@ class Readings(Samples, Tabular):
         keep = np.asarray(mask)
         if keep.dtype != np.bool_ or keep.shape != (len(self),):
             found = f"a mask of shape {keep.shape} and type {keep.dtype}"
-            raise InputError.at(self.source, found=found, expected=f"{len(self)} truth values")
+            raise InputError.at(self.source, found, f"{len(self)} truth values")
 
         def rows(array: Any) -> Any:
             return None if array is None else frozen(array[keep])
@@ -206,23 +202,15 @@ class Readings(Samples, Tabular):
             Write the rows of the session that `select` has left out as well, with 0 in a column
             `used`: what these readings have from them is read back, too.
         """
-        if not isinstance(path_or_file, str | os.PathLike):
-            return self._write(path_or_file, whole=whole)
-        with whole_file(path_or_file) as file:
-            self._write(file, whole=whole)
+        text = csv_of(self._whole_table() if whole else self._table())
+        if isinstance(path_or_file, str | os.PathLike):
+            write_text(path_or_file, text)
+        else:
+            path_or_file.write(text)
 
     def csv(self) -> str:
         """The text of the file that `to_csv` writes."""
-        file = io.StringIO()
-        self._write(file)
-        return file.getvalue()
-
-    def _write(self, file: TextIO, *, whole: bool = False) -> None:
-        columns = self._whole_table() if whole else self._table()
-        table = {name: _written(cells) for name, cells in columns.items()}
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(table)
-        writer.writerows(zip(*table.values(), strict=True))
+        return csv_of(self._table())
 
     def _table(self) -> dict[str, Any]:
         """The columns of the file, in their order."""
@@ -301,7 +289,7 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
     table = without_units(table, mechanism, index)
     if not len(table.lines):
         found, expected = "no readings", "at least one row below the header"
-        raise InputError.at(table.source, found=found, expected=expected)
+        raise InputError.at(table.source, found, expected)
     cells, faults = read_cells(table, mechanism, index)
     if skip_bad_rows:
         ends = _at_an_end(cells, mechanism) | faults
@@ -374,7 +362,7 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
 def _used(readings: Readings, used: npt.NDArray[np.bool_]) -> Readings:
     """The rows that are used, of the session that all are."""
     if not used.any():
-        raise InputError.at(readings.source, column=USED, found="0 in every row", expected="a 1")
+        raise InputError.at(readings.source, "0 in every row", "a 1", column=USED)
     return readings if used.all() else readings.select(used)
 
 
@@ -398,25 +386,11 @@ def _skipped(table: Table, faults: dict[int, Fault], skip_bad_rows: bool) -> tup
         fault, more = faults[first], len(faults) - 1
         others = f"{more} more row{'s' * (more > 1)} cannot be used. " if more else ""
         advice = "Correct the file, or drop such rows with skip_bad_rows (--skip-bad-rows)."
-        raise InputError.at(
-            table.source,
-            line=int(table.lines[first]),
-            column=fault.column,
-            found=fault.found,
-            expected=fault.expected,
-            hint=others + advice if len(faults) < len(table.lines) else "No row can be used.",
-            line_word=table.line_word,
-        )
+        hint = others + advice if len(faults) < len(table.lines) else "No row can be used."
+        raise table.fault(first, fault.column, fault.found, fault.expected, hint)
     return tuple(
         Skipped(
             int(table.lines[i]), fault.column, f"found {fault.found}, expected {fault.expected}"
         )
         for i, fault in sorted(faults.items())
     )
-
-
-def _written(cells: Sequence[Any]) -> Sequence[str]:
-    """Text as it is; shortest text that is read back as the same number; empty for NaN."""
-    if not isinstance(cells, np.ndarray):
-        return cells
-    return ["" if math.isnan(v) else repr(v).removesuffix(".0") for v in cells.tolist()]

@@ -11,8 +11,6 @@ from rsicalib.io.cells import MechanismLike
 from rsicalib.io.samples import Samples
 from rsicalib.io.suspicions import labels_of, places
 
-__all__ = ["numbered"]
-
 
 def numbered(readings: Samples, mechanism: MechanismLike) -> tuple[IntArray | None, list[Warned]]:
     """The pose of each row where rows repeat poses that nothing numbers, and what to say.

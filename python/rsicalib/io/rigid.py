@@ -9,17 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "Matrix",
-    "align_z",
-    "inverse",
-    "joint_motion",
-    "rigid",
-    "rotation",
-    "row_motion",
-    "xyz_rpy",
-]
-
 Matrix = npt.NDArray[np.float64]
 """`a_from_b`, shape (4, 4)."""
 

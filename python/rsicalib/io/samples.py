@@ -12,8 +12,6 @@ import numpy.typing as npt
 from rsicalib.arrays import Alike, FloatArray, IntArray
 from rsicalib.facts.warned import Warned
 
-__all__ = ["Part", "Samples", "Skipped", "frozen", "picked"]
-
 
 @dataclass(frozen=True)
 class Skipped:

@@ -16,19 +16,6 @@ from typing import IO, Any
 
 from rsicalib.errors import InputError
 
-__all__ = [
-    "LARGEST_FILE",
-    "LIMIT",
-    "LONGEST_LINE",
-    "STANDARD_INPUT",
-    "decoded",
-    "read_bytes",
-    "read_json",
-    "read_text",
-    "refuse_larger",
-    "unpacked",
-]
-
 STANDARD_INPUT = "-"
 """The path that stands for standard input."""
 
@@ -77,7 +64,7 @@ def read_bytes(path: str | os.PathLike[str], expected: str, place: str | None = 
     source = os.fsdecode(path)
 
     def refuse(found: str, expected: str) -> InputError:
-        return InputError.at(source, column=place, found=found, expected=expected, column_word="")
+        return InputError.at(source, found, expected, place=place)
 
     try:
         if source == STANDARD_INPUT:
@@ -110,7 +97,7 @@ def unpacked(data: bytes, source: str) -> bytes:
             return _within(file, source, " in a gzip file")
     except (OSError, EOFError, zlib.error) as error:
         found = f"a gzip file that is damaged ({error})"
-        raise InputError.at(source, found=found, expected="a whole gzip file") from None
+        raise InputError.at(source, found, "a whole gzip file") from None
 
 
 def refuse_larger(size: float, source: str, where: str = "") -> None:
@@ -125,7 +112,7 @@ def refuse_larger(size: float, source: str, where: str = "") -> None:
     if size > most:
         hint = f"Where so much is meant, set {LIMIT} to the bytes that may be read, as 8e9."
         found, expected = f"more than {most:g} bytes{where}", f"at most {most:g}"
-        raise InputError.at(source, found=found, expected=expected, hint=hint)
+        raise InputError.at(source, found, expected, hint=hint)
 
 
 def largest_file() -> int:
@@ -170,16 +157,14 @@ def decoded(data: bytes, source: str, *, hint: str = "Save the file in UTF-8.") 
     """
     if b"\0" in data[:ENOUGH] and data[:2] not in MARKS:
         found = f"NUL bytes: the file {_looks_like(data)}"
-        raise InputError.at(source, line=1, found=found, expected="text in UTF-8", hint=hint)
+        raise InputError.at(source, found, "text in UTF-8", line=1, hint=hint)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         byte = f"byte 0x{data[error.start]:02x}, which is not UTF-8"
         found = f"{byte}: {_other(data, error.start)}"
-        raise InputError.at(
-            source, line=line, found=found, expected="text in UTF-8", hint=hint
-        ) from None
+        raise InputError.at(source, found, "text in UTF-8", line=line, hint=hint) from None
 
 
 def _other(data: bytes, at: int) -> str:
@@ -217,10 +202,10 @@ def read_json(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
         found = json.loads(text)
     except json.JSONDecodeError as error:
         line, why = error.lineno, f"not JSON ({error.msg})"
-        raise InputError.at(source, line=line, found=why, expected=expected) from None
+        raise InputError.at(source, why, expected, line=line) from None
     except (ValueError, RecursionError):  # a number of too many digits, nesting that is too deep
         found = "JSON that is too long or nested too deep"
-        raise InputError.at(source, found=found, expected=expected) from None
+        raise InputError.at(source, found, expected) from None
     if not isinstance(found, dict):
-        raise InputError.at(source, found="JSON that is no object", expected=expected)
+        raise InputError.at(source, "JSON that is no object", expected)
     return found

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import importlib
 import itertools
 import os
 import sys
@@ -22,11 +21,10 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
+from rsicalib.io.extras import parquet_modules
 from rsicalib.io.messages import documents, is_message, message_of, positions_of
 from rsicalib.io.sources import LONGEST_LINE
 from rsicalib.io.tables import PARQUET
-
-__all__ = ["Rows", "rows_of"]
 
 CHUNK = 1 << 16
 """Bytes that are read at a time, at most: what a pipe holds is taken as soon as it is there."""
@@ -96,7 +94,7 @@ def rows_of(
     if PurePath(name).suffix.lower() in PARQUET:
         if follow:
             found, expected = "a Parquet file, which does not grow", "a file of lines"
-            raise InputError.at(name, found=found, expected=expected)
+            raise InputError.at(name, found, expected)
         return _parquet(name, list(channels), device)
     joints = dict(channels) if isinstance(channels, Mapping) else {c: c for c in channels}
     return _text(name, joints, follow, device)
@@ -112,17 +110,17 @@ def _text(name: str, joints: dict[str, str], follow: bool, device: bool) -> Iter
                 file = stack.enter_context(open(name, "rb", buffering=0))
             except (OSError, ValueError) as error:  # a NUL in the path
                 found = getattr(error, "strerror", None) or str(error)
-                raise InputError.at(name, found=found, expected="a file of readings") from None
+                raise InputError.at(name, found, "a file of readings") from None
             descriptor = file.fileno()
         parts = _parts(descriptor, label, follow and name != "-")
         first = next(parts, None)
         if first is None:
-            raise InputError.at(label, line=1, found="an empty file", expected=EXPECTED)
+            raise InputError.at(label, "an empty file", EXPECTED, line=1)
         rest = itertools.chain([first], parts)
         if is_message(first[0].decode("utf-8", "replace").removeprefix("\ufeff")):
             if device:
                 found, expected = "joint states, of one device", "a table with a column device"
-                raise InputError.at(label, found=found, expected=expected)
+                raise InputError.at(label, found, expected)
             yield from _messages(rest, joints)
         else:
             yield from _table(rest, label, list(joints), device)
@@ -137,13 +135,13 @@ def _parts(descriptor: int, label: str, follow: bool) -> Iterator[list[bytes]]:
         if not chunk and follow:
             if os.fstat(descriptor).st_size < at:
                 found, expected = "less than was read of it", "a file that grows"
-                raise InputError.at(label, found=found, expected=expected)
+                raise InputError.at(label, found, expected)
             time.sleep(POLL_S)
             continue
         *lines, rest = (rest + chunk).split(b"\n") if chunk else (rest, b"")
         if len(rest) > LONGEST_LINE:
             found = f"a line of more than {LONGEST_LINE:,} bytes"
-            raise InputError.at(label, found=found, expected="one line per sample")
+            raise InputError.at(label, found, "one line per sample")
         lines = [line for line in lines if line.strip()]
         if lines:
             yield lines
@@ -194,7 +192,7 @@ def _header(line: bytes, label: str, channels: Sequence[str], device: bool) -> _
         text = line.decode("utf-8-sig")
     except UnicodeDecodeError:
         found = "text that is not UTF-8"
-        raise InputError.at(label, line=1, found=found, expected=EXPECTED) from None
+        raise InputError.at(label, found, EXPECTED, line=1) from None
     names = [cell.strip() for cell in next(csv.reader([text]), [])]
     return _places(names, label, channels, device)
 
@@ -204,7 +202,7 @@ def _places(names: Sequence[str], label: str, channels: Sequence[str], device: b
         count = names.count(column)
         if count != 1:
             found = "no such column" if count == 0 else f"{count} such columns"
-            raise InputError.at(label, line=1, column=column, found=found, expected="one column")
+            raise InputError.at(label, found, "one column", line=1, column=column)
     when = names.index("time_s") if names.count("time_s") == 1 else None
     own = tuple(names.index(channel) for channel in channels)
     return _Places(own, when, names.index(DEVICE) if device else None)
@@ -243,16 +241,12 @@ def _cells(line: bytes, wanted: list[int]) -> list[float]:
 
 
 def _parquet(name: str, channels: Sequence[str], device: bool) -> Iterator[Rows]:
-    try:
-        parquet = importlib.import_module("pyarrow.parquet")
-    except ImportError:
-        expected = "pyarrow, which `pip install 'rsicalib[parquet]'` brings"
-        raise InputError.at(name, found="a Parquet file", expected=expected) from None
+    _, parquet = parquet_modules(name)
     try:
         file: Any = parquet.ParquetFile(name)
     except (OSError, ValueError) as error:
         found, expected = str(error).splitlines()[0], "a Parquet file of readings"
-        raise InputError.at(name, found=found, expected=expected) from None
+        raise InputError.at(name, found, expected) from None
     names = list(file.schema_arrow.names)
     when = _places(names, name, channels, device).time
     wanted = [*channels] if when is None else [*channels, "time_s"]

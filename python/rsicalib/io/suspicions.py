@@ -14,8 +14,6 @@ from rsicalib.facts.warned import Warned, WarnedKind
 from rsicalib.io.cells import MechanismLike
 from rsicalib.io.samples import Samples
 
-__all__ = ["labels_of", "places", "suspicions"]
-
 LISTED = 5
 """Places a message names before it only counts."""
 

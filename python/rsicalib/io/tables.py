@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
 import io
 import math
 import os
@@ -22,23 +21,8 @@ from rsicalib import _core
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 from rsicalib.io.csv_text import read_csv_text
+from rsicalib.io.extras import parquet_modules
 from rsicalib.io.sources import decoded, read_bytes, refuse_larger, unpacked
-
-__all__ = [
-    "File",
-    "Ragged",
-    "Table",
-    "chunks",
-    "is_blank",
-    "numbers",
-    "quoted",
-    "read_file",
-    "read_table",
-    "table_of_arrays",
-    "table_of_file",
-    "table_of_numbers",
-    "text",
-]
 
 PARQUET = {".parquet", ".pq"}
 CHUNK = 1 << 25
@@ -92,6 +76,15 @@ class Table:
     header: int = 1
     decimal: str = "."
 
+    def fault(
+        self, row: int, column: str | None, found: str, expected: str, hint: str = ""
+    ) -> InputError:
+        """What is wrong with a cell or, without `column`, with a row: ready to be raised."""
+        line, word = int(self.lines[row]), self.line_word
+        return InputError.at(
+            self.source, found, expected, line=line, column=column, hint=hint, line_word=word
+        )
+
     def numbers(self, position: int) -> FloatArray:
         """A column as numbers, shape (n,); NaN where a cell is none."""
         cells = self.columns[position]
@@ -99,7 +92,7 @@ class Table:
             name = self.names[position]
             found = "float16, which has no number between 2048 and 2050"
             expected = "float32 or float64"
-            raise InputError.at(self.source, column=name, found=found, expected=expected)
+            raise InputError.at(self.source, found, expected, column=name)
         if self.decimal == ".":
             return numbers(cells)
         # With decimal commas, a point is no part of a number.
@@ -235,7 +228,7 @@ def _read_csv(data: bytes, source: str, sha256: str) -> Table:
     rows, lines = text.rows, text.lines
     if not rows:
         found, expected = "an empty file", "a header line, then one line per sample"
-        raise InputError.at(source, line=1, found=found, expected=expected)
+        raise InputError.at(source, found, expected, line=1)
     names = [name.strip() for name in rows[0]]
     rows = rows[1:]
     ragged = {i: _misfit(row, names) for i, row in enumerate(rows) if len(row) != len(names)}
@@ -262,14 +255,7 @@ def _misfit(row: list[str], names: list[str]) -> Ragged:
 
 
 def _read_parquet(data: bytes, source: str, sha256: str) -> Table:
-    try:
-        # By name: an optional dependency, and its typing differs between versions.
-        pyarrow: Any = importlib.import_module("pyarrow")
-        parquet: Any = importlib.import_module("pyarrow.parquet")
-    except ImportError:
-        hint = "Install it with: pip install rsicalib[parquet]"
-        found = "a Parquet file, and no pyarrow to read it"
-        raise InputError.at(source, found=found, expected="pyarrow", hint=hint) from None
+    pyarrow, parquet = parquet_modules(source)
     try:
         file = parquet.ParquetFile(io.BytesIO(data))
         # A column that repeats one number takes no room in the file.
@@ -280,7 +266,7 @@ def _read_parquet(data: bytes, source: str, sha256: str) -> Table:
         raise
     except (pyarrow.ArrowException, OSError, ValueError, OverflowError) as error:
         found = f"what pyarrow cannot read ({_first_line(error)})"
-        raise InputError.at(source, found=found, expected="a Parquet file") from error
+        raise InputError.at(source, found, "a Parquet file") from error
     return Table(
         names=[name.strip() for name in table.column_names],
         columns=columns,
@@ -330,7 +316,7 @@ def table_of_arrays(blocks: list[tuple[Sequence[str], object]], source: str) -> 
             name = group[0] if len(group) == 1 else None
             found = f"shape {array.shape}"
             expected = f"shape ({max(rows, 0)}, {len(group)})" if name is None else f"{rows} values"
-            raise InputError.at(source, column=name, found=found, expected=expected)
+            raise InputError.at(source, found, expected, column=name)
         for name, cells in zip(group, array.reshape(rows, len(group)).T, strict=True):
             names.append(name)
             columns.append(cells if array.dtype.kind in "iuf" else cells.tolist())
@@ -350,10 +336,10 @@ def _array(given: object, column: str | None, source: str) -> npt.NDArray[Any]:
     try:
         array = np.asarray(given)
     except ValueError as error:
-        raise InputError.at(source, column=column, found=str(error), expected="an array") from None
+        raise InputError.at(source, str(error), "an array", column=column) from None
     if array.dtype.kind not in "iufUO":
         found = f"type {array.dtype}"
-        raise InputError.at(source, column=column, found=found, expected="numbers")
+        raise InputError.at(source, found, "numbers", column=column)
     return array
 
 

@@ -10,8 +10,6 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray
 
-__all__ = ["NAMES", "seconds", "time_column"]
-
 NAMES = (
     *(
         "time_s",

@@ -5,11 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from rsicalib.errors import InputError
 from rsicalib.io.cells import POSE, MechanismLike
 from rsicalib.io.tables import Table, is_blank, quoted
-
-__all__ = ["without_units"]
 
 UNIT = re.compile(r"[^\W\d][\w/^*·. -]{0,15}|[°%][\w/]{0,8}")
 """What a unit looks like; no number does."""
@@ -60,14 +57,9 @@ def without_units(table: Table, mechanism: MechanismLike, index: dict[str, int])
         expected = units.get(name, "")
         if found.lower() in _written(expected) or is_blank(found):
             continue
-        raise InputError.at(
-            table.source,
-            line=int(table.lines[0]),
-            column=name,
-            found=f"unit {quoted(found)}",
-            expected=f"unit '{expected}'" if expected else "no unit",
-            hint="Convert the column, or declare its unit in the mechanism.",
-        )
+        unit = f"unit '{expected}'" if expected else "no unit"
+        hint = "Convert the column, or declare its unit in the mechanism."
+        raise table.fault(0, name, f"unit {quoted(found)}", unit, hint)
     ragged = {i - 1: fault for i, fault in table.ragged.items() if i}
     below = [column[1:] for column in table.columns]
     return replace(table, columns=below, lines=table.lines[1:], ragged=ragged)

@@ -31,16 +31,6 @@ from rsicalib.io.sources import read_text
 from rsicalib.io.urdf_path import JointPath, Mass, Masses, stretch
 from rsicalib.io.urdf_tree import ORIGIN, Joint, Robot, Step, listed, refuse
 
-__all__ = [
-    "Mass",
-    "Row",
-    "UrdfChain",
-    "UrdfExport",
-    "chain_from_urdf",
-    "masses_from_toml",
-    "write_urdf",
-]
-
 UNCHANGED = 1e-14
 """Elements of a transformation (rad, m) that differ by less do so by rounding."""
 

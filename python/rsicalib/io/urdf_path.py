@@ -20,8 +20,6 @@ from rsicalib.io.urdf_tree import (
     refuse,
 )
 
-__all__ = ["JointPath", "Mass", "Masses", "Move", "stretch"]
-
 Mass = tuple[float, Sequence[float]]
 """Mass of a link, and its centre in the link's frame [m]."""
 

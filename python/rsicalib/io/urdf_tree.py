@@ -16,19 +16,6 @@ from xml.parsers import expat
 from rsicalib.errors import InputError, Where
 from rsicalib.io.sources import read_text
 
-__all__ = [
-    "ORIGIN",
-    "Element",
-    "Joint",
-    "Robot",
-    "Step",
-    "listed",
-    "parse_xml",
-    "read_numbers",
-    "read_vector",
-    "refuse",
-]
-
 ORIGIN = (0.0, 0.0, 0.0)
 """What URDF says where no origin stands."""
 

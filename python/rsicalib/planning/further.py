@@ -25,8 +25,6 @@ from rsicalib.work.arguments import CalibrationArg, MechanismArg, SessionsArg
 from rsicalib.work.job import Work
 from rsicalib.work.outcome import described
 
-__all__ = ["Choice", "Sessions", "explanations", "plan_further"]
-
 Explained = tuple[list[str], float, float]
 """Effects, penalised χ², probability."""
 
@@ -40,7 +38,7 @@ class Choice:
     within: Within | None = None
     candidates: int | None = None
     off: FloatArray | None = None
-    here: FloatArray | None = None
+    from_: FloatArray | None = None
     way: float | None = None
     seed: int = 0
     target: float | None = None
@@ -48,17 +46,7 @@ class Choice:
     def options(self) -> dict[str, Any]:
         """As the core takes them."""
         within = None if self.within is None else [(float(a), float(b)) for a, b in self.within]
-        return {
-            "poses": self.poses,
-            "criterion": self.criterion,
-            "within": within,
-            "candidates": self.candidates,
-            "off": self.off,
-            "from_": self.here,
-            "way": self.way,
-            "seed": self.seed,
-            "target": self.target,
-        }
+        return {**vars(self), "within": within}
 
 
 class Sessions:
@@ -76,7 +64,7 @@ class Sessions:
         if digest != self.result.readings.sha256:
             source = ", ".join(r.source for r in job.readings)
             expected = f"the readings of the result, SHA-256 {self.result.readings.sha256}"
-            raise InputError.at(source, found=f"readings with SHA-256 {digest}", expected=expected)
+            raise InputError.at(source, f"readings with SHA-256 {digest}", expected)
         self.readings = job.readings
         noise = self.result.noise
         declared = noise is not None and noise.kind == "declared"

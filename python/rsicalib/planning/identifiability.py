@@ -15,7 +15,6 @@ length is known. The core counts; see `rsicalib::design::identifiability`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from rsicalib import _core, options
@@ -23,14 +22,11 @@ from rsicalib.facts.records import Record
 from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import MechanismArg, open_mechanism
 
-__all__ = ["COMPLETE", "Counted", "Identifiable", "identifiable"]
-
 COMPLETE = _core.COMPLETE
 """Complete geometry of any chain, with its sensors; and where there are such, `point_position` and
 `distance`."""
 
 
-@dataclass(frozen=True)
 class Counted(Record):
     """One term: how many parameters it has, and how many could be told apart from all others."""
 
@@ -42,8 +38,7 @@ class Counted(Record):
     """Rank with every other parameter unknown."""
 
 
-@dataclass(frozen=True, repr=False)
-class Identifiable(Tabular, Record):
+class Identifiable(Tabular, Record, repr=False):
     """What readings of a mechanism could tell.
 
     Attributes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -28,7 +28,6 @@ from rsicalib.work.arguments import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["SCALINGS", "Measures", "Observability", "observability"]
 
 SCALINGS = _core.SCALINGS
 """Scalings of the Jacobian's columns, by name."""
@@ -40,7 +39,6 @@ MEANING = {
 }
 
 
-@dataclass(frozen=True)
 class Measures(Record):
     """Measures of the singular values `s` of the Jacobian (12) under one scaling."""
 
@@ -62,8 +60,7 @@ class Measures(Record):
     """Largest first."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Observability(Alike, Tabular, Record):
+class Observability(Alike, Tabular, Record, eq=False, repr=False):
     """What poses can tell of the paper's parameters."""
 
     ROWS: ClassVar[str | None] = "channel"

@@ -25,8 +25,6 @@ from rsicalib.work.arguments import (
     open_mechanism,
 )
 
-__all__ = ["CRITERIA", "Bound", "Plan", "bound", "plan"]
-
 USUAL = 12
 """Poses of a plan that is not told how many."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
@@ -33,15 +32,12 @@ from rsicalib.work.arguments import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["View", "Workspace", "readings_at_work", "workspace"]
-
 
 View: TypeAlias = Literal["xy", "xz", "yz"]
 """The plane that `plot` looks at."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Workspace(Alike, Tabular, Record):
+class Workspace(Alike, Tabular, Record, eq=False, repr=False):
     """Standard deviation of what a mechanism carries, over its workspace.
 
     Attributes

@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
-__all__ = ["Purpose", "gain_of", "reason"]
-
 Purpose: TypeAlias = Mapping[str, Any]
 """`kind`, and what that kind has: `tells` (`apart`, `gain`), `platform` (`before`, `after`), or
 `falls` (`times`)."""

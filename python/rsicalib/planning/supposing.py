@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -31,13 +31,11 @@ from rsicalib.work.outcome import about
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["SupposedEffect", "SupposedParameter", "Supposition", "suppose"]
 
 SEEN = 0.5
 """An effect that is found more often than not is called visible."""
 
 
-@dataclass(frozen=True)
 class SupposedParameter(Record):
     """A parameter of an effect, with the value that it is supposed to have."""
 
@@ -49,7 +47,6 @@ class SupposedParameter(Record):
     """Unit of the value."""
 
 
-@dataclass(frozen=True)
 class SupposedEffect(Record):
     """An effect with the sizes that it is supposed to have."""
 
@@ -73,8 +70,7 @@ class SupposedEffect(Record):
         return f"{name_of(self.term)} of {self.target}: {', '.join(sizes) or 'nothing'}"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Supposition(Alike, Told, Record):
+class Supposition(Alike, Told, Record, eq=False, repr=False):
     """What an effect would do in given poses, to first order in its size."""
 
     mechanism: str

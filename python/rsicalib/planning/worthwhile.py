@@ -9,8 +9,6 @@ from typing import Any
 from rsicalib.facts.shapes import Name
 from rsicalib.report.words import MEASURED_LENGTH, listed_words
 
-__all__ = ["MOST_POSES", "how_many", "worth_words"]
-
 MOST_POSES = 64
 """Poses of a plan that is told a target and no number, at the most: more than that is no advice."""
 

@@ -15,16 +15,6 @@ from rsicalib.arrays import Alike, FloatArray
 from rsicalib.errors import InputError
 from rsicalib.units import is_count
 
-__all__ = [
-    "MARGIN",
-    "Device",
-    "Within",
-    "draw_poses",
-    "nominal",
-    "nominal_device",
-    "workspace",
-]
-
 Within = Sequence[tuple[float, float]]
 """Lowest and highest x, y, z [length unit], rx, ry, rz [rad]."""
 

@@ -25,8 +25,6 @@ from rsicalib.work.arguments import (
 )
 from rsicalib.work.closing import warn_of_open_loops
 
-__all__ = ["forward", "forward_sd", "inverse"]
-
 PlacesT = TypeVar("PlacesT", bound=FrameArg)
 """A data frame goes in and comes out."""
 
@@ -242,5 +240,5 @@ def _pose_columns(frame: FrameArg) -> npt.NDArray[Any]:
     columns = columns_of(frame)
     missing = [name for name in POSE if name not in columns]
     if missing:
-        raise InputError.at(SOURCE, found=f"no column {' '.join(missing)}", expected=" ".join(POSE))
+        raise InputError.at(SOURCE, f"no column {' '.join(missing)}", " ".join(POSE))
     return np.stack([np.asarray(columns[name]) for name in POSE], axis=-1)

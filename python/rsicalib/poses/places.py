@@ -16,8 +16,6 @@ from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
 from rsicalib.work.arguments import Bare, ReadingsArg, load
 
-__all__ = ["Places", "places", "readings_for"]
-
 
 @dataclass(frozen=True, eq=False)
 class Places:

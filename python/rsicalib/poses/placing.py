@@ -15,8 +15,6 @@ from rsicalib.work.arguments import (
     open_mechanism,
 )
 
-__all__ = ["Placer"]
-
 
 class Placer:
     """A mechanism under a calibration: opened once, it places one reading after the other.

@@ -21,8 +21,6 @@ from rsicalib.io.readings import Readings
 from rsicalib.poses.devices import Device, Within, draw_poses
 from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
 
-__all__ = ["Simulated", "simulate"]
-
 POSE_S, SAMPLE_S = 15.0, 0.02
 """Between two held poses, and between two samples of one [s]."""
 

@@ -9,8 +9,6 @@ from html import escape
 from rsicalib.facts.shapes import Evidence, Hypothesis, Name, ResultShape, Rival, TraceShape
 from rsicalib.report.words import listed_words, percent, place_words, subject
 
-__all__ = ["certainty_html", "is_same"]
-
 SEGMENTS = 5
 """Explanations that have a part of the strip of their own."""
 

@@ -8,8 +8,6 @@ from rsicalib.report.svg import WIDE, Canvas, fitted, width_of
 from rsicalib.report.words import listed_words, number
 from rsicalib.units import with_unit
 
-__all__ = ["noise_figure", "reliability_figure", "reliability_rows"]
-
 
 def noise_figure(noise: Noise) -> Figure:
     """Draw the standard deviation of a sample of each channel as a bar; one scale for each unit."""

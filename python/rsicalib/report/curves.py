@@ -6,8 +6,6 @@ import math
 
 from rsicalib.facts.shapes import Evidence, Hypothesis, Law, Step
 
-__all__ = ["ANY_CURVE", "AnyCurve", "any_curve"]
-
 ANY_CURVE = "free_curve"
 """Id of the term that has any shape."""
 

@@ -12,8 +12,6 @@ from rsicalib.report.svg import WIDE, Canvas, Chart, bounds, fitted
 from rsicalib.report.words import name_of, number, subject
 from rsicalib.units import axis_words, in_thousandths
 
-__all__ = ["effect_figures", "effect_key", "scores_figure", "scores_words"]
-
 HEIGHT = 240.0
 
 BARS = 10

@@ -12,8 +12,6 @@ from typing import Any
 
 from rsicalib.report.svg import NARROW, WIDE, Draw
 
-__all__ = ["STYLE", "Figure", "data_element", "whole"]
-
 STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
 """Style of pages and figures."""
 

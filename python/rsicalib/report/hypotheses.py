@@ -26,16 +26,6 @@ from rsicalib.report.words import (
     target_words,
 )
 
-__all__ = [
-    "choices_html",
-    "fader_html",
-    "fit_data",
-    "hypothesis_data",
-    "key_of",
-    "named_of",
-    "residuals_of",
-]
-
 
 def key_of(p: ParameterName) -> str:
     """What a parameter is called in the data of a page."""

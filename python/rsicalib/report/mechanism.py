@@ -19,8 +19,6 @@ from rsicalib.report.scene import ABOVE, VIEW, Scene, rounded, scene_of, seen
 from rsicalib.report.svg import WIDE, Canvas, width_of
 from rsicalib.report.words import number
 
-__all__ = ["mechanism_figure"]
-
 HEIGHT = {True: 500.0, False: 380.0}
 """Height of the drawing on a desk, and on a phone."""
 

@@ -12,8 +12,6 @@ from rsicalib.plain_text import counted
 from rsicalib.report.words import advice, comparison, sentence, size_words, subject
 from rsicalib.tabular import html_table
 
-__all__ = ["result_html"]
-
 
 def result_html(result: ResultShape, parameters: Mapping[str, Sequence[Any]]) -> str:
     """Write a result for a notebook; text from files is escaped.

@@ -50,18 +50,6 @@ from rsicalib.report.words import (
 from rsicalib.report.workspace import workspace_figure
 from rsicalib.units import with_unit
 
-__all__ = [
-    "FEW",
-    "document",
-    "figures",
-    "html",
-    "listed",
-    "mechanism_page",
-    "pictures",
-    "section",
-    "table",
-]
-
 FEW = 3
 """Sentences of a list that are not folded."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -27,7 +26,6 @@ from rsicalib.units import axis_words
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Forecast", "History", "Jump", "LeftOut", "Past", "Series"]
 
 FORMAT = "rsicalib.history/1"
 
@@ -43,7 +41,6 @@ YEAR = 365.25
 HEIGHT = 180.0
 
 
-@dataclass(frozen=True)
 class Past(Record):
     """One result of the device."""
 
@@ -59,7 +56,6 @@ class Past(Record):
     """What was noted of the session."""
 
 
-@dataclass(frozen=True)
 class LeftOut(Record):
     """A file of the folder that is not part of the history."""
 
@@ -69,7 +65,6 @@ class LeftOut(Record):
     """Why."""
 
 
-@dataclass(frozen=True)
 class Jump(Record):
     """A new level of a parameter: an event of the history."""
 
@@ -83,7 +78,6 @@ class Jump(Record):
     """True where a result itself says that something changed there."""
 
 
-@dataclass(frozen=True)
 class Series(Record):
     """One parameter over time."""
 
@@ -128,8 +122,7 @@ class Series(Record):
         return parameter_key(_core.spec(self.term, self.target, self.place), self.term, self.name)
 
 
-@dataclass(frozen=True, repr=False)
-class Forecast(Record):
+class Forecast(Record, repr=False):
     """When the platform's error will exceed a target under the last calibration."""
 
     target: float
@@ -146,8 +139,7 @@ class Forecast(Record):
         return f"<Forecast: {number(self.now)} now, likely {past}>"
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class History(Told, Tabular, Record):
+class History(Told, Tabular, Record, kw_only=True, repr=False):
     """What is known of one device over time."""
 
     format: str = FORMAT

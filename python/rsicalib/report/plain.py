@@ -18,8 +18,6 @@ from rsicalib.report.words import (
     value_words,
 )
 
-__all__ = ["plain_words"]
-
 WRONG = {
     "sensor": "the {target} does not read true",
     "sensors": "the {target} read wrong, alike",

@@ -14,8 +14,6 @@ from rsicalib.report.figure import Figure
 from rsicalib.report.page import document, listed, section, table
 from rsicalib.report.svg import WIDE, Canvas, Chart, bounds, width_of
 
-__all__ = ["poses_figure", "poses_html"]
-
 
 def poses_html(
     mechanism: str,

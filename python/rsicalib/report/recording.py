@@ -8,8 +8,6 @@ from rsicalib.imports.log import Log, Session
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import Axis, Canvas, bounds, ticks
 
-__all__ = ["recording_figure"]
-
 MOST_ROWS = 800
 """Rows that are drawn of a channel; a pixel shows no more."""
 

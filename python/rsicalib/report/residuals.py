@@ -13,8 +13,6 @@ from rsicalib.facts.shapes import Evidence, ResultShape, TraceShape
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import WIDE, Canvas, Chart, bounds, width_of
 
-__all__ = ["Dots", "dots_of", "normal_figure", "residual_figure"]
-
 MOST_DOTS = 300
 """A longer recording is drawn in blocks."""
 

@@ -15,8 +15,6 @@ from rsicalib.facts.shapes import Drawing, Evidence, ResultShape, Slice, TraceSh
 from rsicalib.report.words import listed_words, subject, target_words
 from rsicalib.report.workspace import Shades
 
-__all__ = ["Cells", "Scene", "rounded", "scene_of", "seen"]
-
 GHOSTS = 60
 """Most poses whose whole mechanism is drawn."""
 

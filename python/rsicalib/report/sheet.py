@@ -10,8 +10,6 @@ from rsicalib.report.page import document, listed, section, table
 from rsicalib.report.svg import WIDE, Axis, Canvas, ticks
 from rsicalib.report.words import number
 
-__all__ = ["sheet"]
-
 
 def sheet(found: CertificateShape) -> str:
     """The page, which needs no network.

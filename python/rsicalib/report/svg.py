@@ -13,20 +13,6 @@ from html import escape
 from typing import TypeAlias
 from unicodedata import east_asian_width
 
-__all__ = [
-    "NARROW",
-    "SIZE",
-    "WIDE",
-    "Axis",
-    "Canvas",
-    "Chart",
-    "Draw",
-    "bounds",
-    "fitted",
-    "ticks",
-    "width_of",
-]
-
 WIDE, NARROW = 560.0, 320.0
 """Widths at which figures are drawn, in units of their view box."""
 

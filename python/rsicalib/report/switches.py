@@ -24,9 +24,6 @@ from rsicalib.report.scene import Scene
 from rsicalib.report.words import either_words, misclosure_unit, name_of, number, subject
 from rsicalib.report.workspace import Shades
 
-__all__ = ["data_of", "switchboard_html", "words_of"]
-
-
 WIDEST_SIGMA = 10.0
 """The panel has room for residuals of this size at most; what is beyond lies at its edge."""
 

@@ -29,8 +29,6 @@ from rsicalib.report.words import (
 )
 from rsicalib.units import axis_words, with_unit
 
-__all__ = ["summary"]
-
 LINES = 23
 """With a blank one and the path of a report they are 25, in lines of `WIDTH` columns."""
 WIDTH = 100

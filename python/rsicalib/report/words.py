@@ -23,42 +23,6 @@ from rsicalib.facts.shapes import (
 )
 from rsicalib.units import in_thousandths, with_unit
 
-__all__ = [
-    "NO_TERM",
-    "OPEN",
-    "ErrorRow",
-    "advice",
-    "between_words",
-    "comparison",
-    "count_words",
-    "either_words",
-    "elsewhere_words",
-    "excluded_words",
-    "judged_words",
-    "labelled",
-    "law_words",
-    "listed_words",
-    "misclosure_unit",
-    "moved_words",
-    "name_of",
-    "noise_words",
-    "not_applied",
-    "not_tried",
-    "number",
-    "parameter_name",
-    "percent",
-    "place_words",
-    "plus_minus",
-    "predicted_words",
-    "quality",
-    "sentence",
-    "size_words",
-    "subject",
-    "target_words",
-    "value_words",
-    "with_bounds",
-]
-
 NO_TERM = {"unknown_law": "a law that no term has", "unknown_noise": "errors that follow no law"}
 """Ids of what may explain a session and is no term, in words."""
 

@@ -11,8 +11,6 @@ from rsicalib.report.figure import Figure
 from rsicalib.report.svg import WIDE, Canvas, Chart, width_of
 from rsicalib.report.words import listed_words, number, parameter_name, percent, target_words
 
-__all__ = ["Shades", "workspace_figure"]
-
 FINEST = 1e-5
 """Where the scale of colours begins, as a share of the workspace's width."""
 

@@ -7,7 +7,6 @@ on simulated readings without noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -20,15 +19,6 @@ from rsicalib.poses.devices import Device
 from rsicalib.reproduction.edges import edge, intervals
 from rsicalib.reproduction.placing import exact_readings
 from rsicalib.reproduction.trials import ITERATIONS, Estimate, Progress, run
-
-__all__ = [
-    "Region",
-    "Starts",
-    "convergence_equal",
-    "convergence_independent",
-    "converges",
-    "start_success",
-]
 
 CLOSE = 1e-3
 """A gain this near to the truth, as a fraction of it, is the right solution and no other."""
@@ -73,7 +63,6 @@ def converges(
     return bool(np.all(np.abs(found / device.gains - 1) < CLOSE))
 
 
-@dataclass(frozen=True)
 class Region(Record):
     """From which equal gains the paper's method converges.
 
@@ -199,7 +188,6 @@ def convergence_independent(
     return np.sort(np.concatenate(chunks))
 
 
-@dataclass(frozen=True)
 class Starts(Record):
     """How often a start with independent gain errors succeeds.
 

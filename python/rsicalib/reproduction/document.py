@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from html import escape
 
 from rsicalib.facts.records import Record
 
-__all__ = ["Cell", "Misprint", "Paper", "Row", "Table"]
 
-
-@dataclass(frozen=True)
 class Cell(Record):
     """One figure of a table."""
 
@@ -29,7 +25,6 @@ class Cell(Record):
         return out if self.printed is None else f"{out} ({self.printed:.4g})"
 
 
-@dataclass(frozen=True)
 class Row(Record):
     """A line of a table."""
 
@@ -39,7 +34,6 @@ class Row(Record):
     """Its figures, one for each column."""
 
 
-@dataclass(frozen=True)
 class Table(Record):
     """A table of the paper, or a set of figures from its text."""
 
@@ -82,7 +76,6 @@ class Table(Record):
         return "\n".join(out) + "\n"
 
 
-@dataclass(frozen=True)
 class Misprint(Record):
     """A place where the paper cannot mean what it prints."""
 
@@ -98,8 +91,7 @@ class Misprint(Record):
     """The numbers alone."""
 
 
-@dataclass(frozen=True, repr=False)
-class Paper(Record):
+class Paper(Record, repr=False):
     """Everything that the paper prints, computed again."""
 
     format: str

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from rsicalib.facts.records import Record
 
-__all__ = ["Edge", "edge", "intervals"]
 
-
-@dataclass(frozen=True)
 class Edge(Record):
     """Where convergence ends in one direction.
 

@@ -12,8 +12,6 @@ from rsicalib import _core
 from rsicalib.arrays import FloatArray
 from rsicalib.reproduction.printed import Printed
 
-__all__ = ["in_arms", "joint_angles", "plane", "some_poses", "turn", "wrists"]
-
 
 def turn(poses: FloatArray) -> FloatArray:
     """Rotation of each pose, eq. (1): shape (n, 3, 3)."""

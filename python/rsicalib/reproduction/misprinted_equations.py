@@ -15,8 +15,6 @@ from rsicalib.reproduction.kinematics import in_arms, joint_angles, plane, some_
 from rsicalib.reproduction.noise import fixture_lines
 from rsicalib.reproduction.printed import Printed
 
-__all__ = ["eq_4", "eq_5", "eq_8", "eq_12", "eq_13", "ranges"]
-
 
 def eq_4(paper: Printed) -> Misprint:
     """Sign within eq. (4)."""

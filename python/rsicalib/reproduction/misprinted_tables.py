@@ -11,16 +11,6 @@ from rsicalib.reproduction.kinematics import joint_angles, some_poses
 from rsicalib.reproduction.printed import Printed
 from rsicalib.reproduction.trials import rms
 
-__all__ = [
-    "discussion",
-    "jacobian",
-    "offset_3",
-    "offset_from",
-    "table_i",
-    "table_ii",
-    "table_vii",
-]
-
 
 def table_i(paper: Printed) -> Misprint:
     """Head of the last column of Table I."""

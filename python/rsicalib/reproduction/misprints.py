@@ -13,8 +13,6 @@ from rsicalib.reproduction.document import Misprint
 from rsicalib.reproduction.noise import NoiseCell, closed_loop_noise
 from rsicalib.reproduction.printed import Printed
 
-__all__ = ["misprints", "table_ix"]
-
 
 def misprints(
     paper: Printed, averages: Mapping[str, float], trials: int, seed: int

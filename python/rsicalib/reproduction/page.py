@@ -10,8 +10,6 @@ from rsicalib.report.page import document, section, table
 from rsicalib.report.svg import Canvas, Chart
 from rsicalib.reproduction.document import Cell, Paper, Table
 
-__all__ = ["agreement_figure", "html"]
-
 LONG = 20
 """Longest label of a row that may be broken into words."""
 

@@ -21,8 +21,6 @@ from rsicalib.reproduction.tables_geometry import poses, table_i
 from rsicalib.reproduction.tables_observability import bounds, table_viii
 from rsicalib.reproduction.tables_parameters import parameters, table_vi, table_vii
 
-__all__ = ["paper"]
-
 
 @options.checked
 def paper(

@@ -9,8 +9,6 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.poses.devices import Device
 
-__all__ = ["exact_readings", "placed"]
-
 
 def exact_readings(device: Device, poses: npt.ArrayLike) -> FloatArray:
     """Readings without noise of poses that must all be within reach: shape (n, C)."""

@@ -14,8 +14,6 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.poses.devices import Device, nominal_device
 
-__all__ = ["Printed", "printed_numbers"]
-
 
 @dataclass(frozen=True)
 class Printed:

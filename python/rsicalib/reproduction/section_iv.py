@@ -16,8 +16,6 @@ from rsicalib.reproduction.placing import placed
 from rsicalib.reproduction.study import NOISE, Study, pose_errors
 from rsicalib.reproduction.trials import Estimate, rms, run
 
-__all__ = ["BOTH", "CLOSED", "OPEN", "Trials", "calibration_table", "calibrations"]
-
 OPEN = "I: fixture, Table II"
 CLOSED = "II: closed loop, Table III"
 BOTH = "III: closed loop, II and III"

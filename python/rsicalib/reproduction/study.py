@@ -15,8 +15,6 @@ from rsicalib.poses.devices import Device
 from rsicalib.reproduction.printed import Printed
 from rsicalib.reproduction.trials import Progress, rms
 
-__all__ = ["NOISE", "Study", "pose_errors"]
-
 NOISE = 1.0
 """Counts of noise assumed where section IV is simulated; Table IX starts there."""
 

@@ -20,8 +20,6 @@ from rsicalib.reproduction.placing import placed
 from rsicalib.reproduction.study import Study
 from rsicalib.reproduction.trials import Estimate
 
-__all__ = ["convergence"]
-
 
 def convergence(study: Study) -> Table:
     """Intervals of convergence beside the printed ones, and independent gain errors."""

@@ -7,8 +7,6 @@ from rsicalib.arrays import FloatArray
 from rsicalib.reproduction.document import Cell, Row, Table
 from rsicalib.reproduction.study import Study
 
-__all__ = ["poses", "table_i"]
-
 POSE = ("x", "y", "z", "θx", "θy", "θz")
 
 

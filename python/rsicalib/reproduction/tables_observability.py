@@ -12,8 +12,6 @@ from rsicalib.reproduction.placing import placed
 from rsicalib.reproduction.study import Study
 from rsicalib.reproduction.trials import Estimate, rms
 
-__all__ = ["bounds", "table_viii"]
-
 
 def table_viii(study: Study) -> Table:
     """Table VIII: observability of three data sets under three scalings."""

@@ -12,8 +12,6 @@ from rsicalib.reproduction.section_iv import BOTH, CLOSED, OPEN, Trials
 from rsicalib.reproduction.study import NOISE, Study, pose_errors
 from rsicalib.reproduction.trials import rms
 
-__all__ = ["parameters", "table_vi", "table_vii"]
-
 JOINTS = tuple(f"{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
 
 

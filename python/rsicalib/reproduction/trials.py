@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -18,8 +17,6 @@ from rsicalib.arrays import FloatArray
 from rsicalib.cores import available_cores
 from rsicalib.errors import InputError
 from rsicalib.facts.records import Record
-
-__all__ = ["ITERATIONS", "Estimate", "Progress", "rms", "rms_of_rows", "run"]
 
 Progress = Callable[[int, int], None]
 """Called with the trials that are done, and all of them."""
@@ -33,7 +30,6 @@ ITERATIONS = 200
 """Linearisations before a trial counts as failed."""
 
 
-@dataclass(frozen=True)
 class Estimate(Record):
     """A mean over trials.
 

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from rsicalib.arrays import Alike
-from rsicalib.facts.certified import CertificateShape, Decision, Known, Source, Uncertainty
+from rsicalib.facts.certified import CertificateShape
 from rsicalib.report.sheet import sheet
 from rsicalib.report.words import number
 from rsicalib.tabular import Told
-
-__all__ = ["EXIT_CODES", "Certificate", "Decision", "Known", "Source", "Uncertainty"]
 
 EXIT_CODES: dict[str, int] = {"within": 0, "not within": 4, "undecided": 3}
 """What the command returns."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Certificate(Alike, Told, CertificateShape):
+class Certificate(Alike, Told, CertificateShape, eq=False, repr=False):
     """Whether the largest error of a calibrated mechanism is within a limit."""
 
     @property

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import polars
     from matplotlib.axes import Axes
 
-__all__ = ["Interactive", "Kind"]
 
 Kind: TypeAlias = Literal["residuals", "effects", "parameters"]
 """What `plot` draws."""
@@ -27,7 +26,7 @@ HIDDEN = 6
 """Effects that could hide which `plot("effects")` draws at the most."""
 
 
-class Interactive(ResultShape):
+class Interactive(ResultShape, eq=False, repr=False, kw_only=True):
     """Access to a result: as a row of `sqlite3`, by name and by number.
 
     `result["gain@a11"]` and `result[0]` are parameters, `keys()` are their names, and iteration

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -24,10 +24,8 @@ from rsicalib.plain_text import counted
 from rsicalib.report.words import quality
 from rsicalib.results.interactive import Interactive
 
-__all__ = ["Calibration", "Result", "Trace", "load_calibration"]
 
-
-class Result(Interactive):
+class Result(Interactive, eq=False, repr=False, kw_only=True):
     """What a calibration and a traced calibration have in common."""
 
     FORMAT: ClassVar[str]
@@ -152,8 +150,7 @@ class Result(Interactive):
         return super().from_dict({**data, "format": data.get("format", cls.FORMAT)})
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Calibration(Result, CalibrationShape):
+class Calibration(Result, CalibrationShape, eq=False, repr=False, kw_only=True):
     """Parameters from joint readings alone: estimates, uncertainty, adequacy.
 
     Examples
@@ -170,8 +167,7 @@ class Calibration(Result, CalibrationShape):
     FORMAT: ClassVar[str] = "rsicalib.calibration/1"
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Trace(Result, TraceShape):
+class Trace(Result, TraceShape, eq=False, repr=False, kw_only=True):
     """A calibration, what was missing from it, and the error before and after."""
 
     FORMAT: ClassVar[str] = "rsicalib.trace/1"
@@ -206,6 +202,4 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | Trace:
         vars(result)["_file"] = name
         return result
     except ResultError as error:
-        raise InputError.at(
-            name, column=error.place, found=error.found, expected=error.expected, column_word=""
-        ) from None
+        raise InputError.at(name, error.found, error.expected, place=error.place) from None

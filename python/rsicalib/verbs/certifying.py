@@ -17,6 +17,7 @@ from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, InputTypeError
+from rsicalib.facts.certified import Known, Source, Uncertainty
 from rsicalib.facts.shapes import TraceShape
 from rsicalib.io.builtin import DEFAULT
 from rsicalib.io.cells import POSE
@@ -28,7 +29,7 @@ from rsicalib.planning.platform_sd import readings_at_work
 from rsicalib.poses.devices import Device
 from rsicalib.poses.places import readings_for
 from rsicalib.report.words import listed_words, subject
-from rsicalib.results.certificate import Certificate, Known, Source, Uncertainty
+from rsicalib.results.certificate import Certificate
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_table
 from rsicalib.work.arguments import (
@@ -39,8 +40,6 @@ from rsicalib.work.arguments import (
     earlier_result,
     open_mechanism,
 )
-
-__all__ = ["certify"]
 
 PLACES, SEED, POSES = 200, 1, 6
 """Places of the workspace, the seed that they are drawn with, poses that are proposed."""
@@ -235,23 +234,14 @@ def _poses_of(at: Any, mechanism: Mechanism) -> FloatArray | None:
         missing = [name for name in POSE if name not in table.names]
         if missing:
             expected = "x y z rx ry rz, or one column for each channel"
-            raise InputError.at(
-                table.source, column=missing[0], found="no such column", expected=expected
-            )
+            raise InputError.at(table.source, "no such column", expected, column=missing[0])
         columns = [table.numbers(table.names.index(name)) for name in POSE]
         poses = np.stack(columns, axis=1)
         for row, column in np.argwhere(~np.isfinite(poses)):
             cell = table.columns[table.names.index(POSE[column])][row]
-            raise InputError.at(
-                table.source,
-                line=int(table.lines[row]),
-                line_word=table.line_word,
-                column=POSE[column],
-                found=quoted(cell),
-                expected="a number",
-            )
+            raise table.fault(row, POSE[column], quoted(cell), "a number")
         if not len(poses):
-            raise InputError.at(table.source, found="no row", expected="a pose at least")
+            raise InputError.at(table.source, "no row", "a pose at least")
         return poses
     if isinstance(at, list | tuple | np.ndarray):
         try:
@@ -277,9 +267,7 @@ def _refuse_beyond_limits(readings: Readings, device: Device) -> None:
         if len(wrong):
             found = f"{joint[wrong[0]]:.6g} in pose {readings.pose[wrong[0]]}"
             expected = f"{low:g} to {high:g}, the limits of its joint"
-            raise InputError.at(
-                readings.source, column=channel.name, found=found, expected=expected
-            )
+            raise InputError.at(readings.source, found, expected, column=channel.name)
 
 
 def _unfit(result: Result, reasons: Sequence[str]) -> Iterator[str]:

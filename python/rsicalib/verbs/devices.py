@@ -21,8 +21,6 @@ from rsicalib.results.result import Result
 from rsicalib.verbs.monitor import Alarm, Kept, Monitor, Watch
 from rsicalib.work.arguments import MechanismArg, PathLike, earlier_result, open_mechanism
 
-__all__ = ["WatchingDevices", "watch_devices"]
-
 AWAKE = 128
 """Monitors that are in memory at a time, where nothing else is said: some 250 MB."""
 
@@ -108,7 +106,7 @@ def _results(folder: Path, mechanism: Mechanism) -> dict[str, Path]:
             latest[result.device] = (day, path)
     if not latest:
         found, expected = "no result of a named device", "results of `calibrate --device NAME`"
-        raise InputError.at(str(folder), found=found, expected=expected)
+        raise InputError.at(str(folder), found, expected)
     return {name: path for name, (_, path) in latest.items()}
 
 

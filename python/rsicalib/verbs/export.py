@@ -28,14 +28,10 @@ from rsicalib.work.arguments import (
     open_mechanism,
 )
 
-__all__ = ["Calibrated", "Noted", "calibrated", "calibrated_files", "export_toml", "export_urdf"]
-
-
 NotedKind: TypeAlias = Literal["new_row", "column", "no_place", "of_its_session"]
 """What a note is about; `apply/export.rs` of the core says what each of them means."""
 
 
-@dataclass(frozen=True)
 class Noted(Record):
     """What a mechanism with the parameters in it does not tell by itself."""
 

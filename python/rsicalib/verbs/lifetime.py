@@ -24,8 +24,6 @@ from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
 from rsicalib.work.arguments import MechanismArg, earlier_result, open_mechanism
 
-__all__ = ["history"]
-
 DAY_S = 86_400.0
 POSES = 40
 """Poses of the workspace over which the platform's error is averaged."""
@@ -73,12 +71,12 @@ def history(
         raise InputTypeError(f"folder: found {found}, expected a path")
     place = Path(folder)
     if not os.path.isdir(place):
-        raise InputError.at(str(folder), found="no such folder", expected="a folder of results")
+        raise InputError.at(str(folder), "no such folder", "a folder of results")
     opened = open_mechanism(mechanism)
     read, left_out, opened = _read(place, opened)
     if not read:
         reasons = "; ".join(f"{one.file}: {one.reason}" for one in left_out[:3]) or "no *.json"
-        raise InputError.at(str(folder), found=reasons, expected="a result with a date")
+        raise InputError.at(str(folder), reasons, "a result with a date")
     chosen = _device(read) if device is None else device
     own = [(name, result) for name, result in read if result.device == chosen]
     left_out += [

@@ -9,7 +9,6 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -38,8 +37,6 @@ from rsicalib.work.arguments import (
 )
 from rsicalib.work.state import read_state, write_state
 
-__all__ = ["Alarm", "Change", "Monitor", "Suspect", "Watch", "watch"]
-
 ALARM = "rsicalib.alarm/1"
 
 ACTIONS = {"go_on": "go on", "recalibrate": "calibrate again", "stop": "stop"}
@@ -53,7 +50,6 @@ SAVED_S = 1.0
 """A state on disk is no older, beside what the last rows have changed."""
 
 
-@dataclass(frozen=True)
 class Change(Record):
     """By how much one parameter has changed."""
 
@@ -67,7 +63,6 @@ class Change(Record):
     """Unit of both."""
 
 
-@dataclass(frozen=True)
 class Suspect(Record):
     """A change that fits as well."""
 
@@ -77,8 +72,7 @@ class Suspect(Record):
     """What the term belongs to."""
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Alarm(Told, Record):
+class Alarm(Told, Record, kw_only=True, repr=False):
     """A change of the device since its calibration: one line of `rsicalib watch`."""
 
     format: str = ALARM
@@ -161,8 +155,7 @@ class Alarm(Told, Record):
         return f"<Alarm in row {self.row}: {self.term}@{self.target} by {size}>"
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Watch(Told, Record):
+class Watch(Told, Record, kw_only=True, repr=False):
     """Summary of a watch."""
 
     format: str = WATCH
@@ -368,7 +361,7 @@ class Monitor:
             monitor = cls(result, own, false_alarms=head["false_alarms"])
         except (KeyError, TypeError) as error:
             found, expected = f"a head without {error}", "what a watch has written"
-            raise InputError.at(str(path), found=found, expected=expected) from None
+            raise InputError.at(str(path), found, expected) from None
         monitor._core.restore(state)
         return monitor
 
@@ -391,7 +384,7 @@ class Monitor:
             if head.get(key) != own[key]:
                 found = f"the state of a watch with another {words}"
                 expected = "the same, or another file for this watch"
-                raise InputError.at(str(path), found=found, expected=expected)
+                raise InputError.at(str(path), found, expected)
         self._core.restore(state)
         return head
 
@@ -503,7 +496,7 @@ def _rows(
         if kind not in (None, "echo"):
             found = f"a {KINDS[kind].words}, which is read when it is whole"
             expected = "lines that grow, such as ros2 topic echo /joint_states > FILE"
-            raise InputError.at(os.fspath(readings), found=found, expected=expected)
+            raise InputError.at(os.fspath(readings), found, expected)
         return rows_of(readings, joints_of(given), follow=follow)
     log = import_log(readings, mechanism=given, hold=0.0)
     return (Rows(one.values, one.time_s) for one in log.readings(Bare(opened)))
@@ -580,7 +573,7 @@ class Kept:
         if not same:
             found = f"the state of a watch that has seen other rows of {self._source}"
             expected = "the same file, grown; remove the state to begin anew"
-            raise InputError.at(str(self._state), found=found, expected=expected)
+            raise InputError.at(str(self._state), found, expected)
 
     def save(self, untold: list[Alarm]) -> None:
         """Write all that is known, and the alarms that are about to be told."""

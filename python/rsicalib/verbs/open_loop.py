@@ -17,8 +17,6 @@ from rsicalib.work.closing import open_loops
 from rsicalib.work.job import Work
 from rsicalib.work.outcome import NOTHING, DateArg, about
 
-__all__ = ["fixture"]
-
 
 @options.checked
 def fixture(
@@ -64,8 +62,8 @@ def fixture(
     if not np.isfinite(poses).all(axis=1).any():
         raise InputError.at(
             job.readings[0].source,
-            found="places without orientation",
-            expected="known poses: x y z [length unit] and rx ry rz [rad]",
+            "places without orientation",
+            "known poses: x y z [length unit] and rx ry rz [rad]",
         )
     try:
         lines, count = _core.fixture(job.mechanism, table, poses)

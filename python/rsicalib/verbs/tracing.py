@@ -19,8 +19,6 @@ from rsicalib.work.listening import ProgressArg, finished, listener
 from rsicalib.work.outcome import NOTHING, DateArg, about
 from rsicalib.work.prior import PopulationArg
 
-__all__ = ["trace"]
-
 
 @checked
 def trace(

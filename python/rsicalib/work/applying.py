@@ -14,8 +14,6 @@ from rsicalib.errors import InputError
 from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
 
-__all__ = ["Known", "as_applied", "as_table", "covariance_of", "posed", "tell_closures"]
-
 Known: TypeAlias = tuple[dict[str, Any], FloatArray, tuple[float, float], str | None, bool]
 """Table of readings, the poses they were taken in, shape (n, 6), the point whose places they are (a
 place has no orientation), and whether the table says what closures touch and measure."""
@@ -85,7 +83,7 @@ def posed(
     if readings.poses is None or not np.isfinite(readings.poses).any():
         found = "no known pose" if readings.poses is not None else "no columns x y z rx ry rz"
         expected = "known poses: x y z [length unit] and rx ry rz [rad]"
-        raise InputError.at(readings.source, found=found, expected=expected)
+        raise InputError.at(readings.source, found, expected)
     whole = tell_closures(readings, mechanism)
     table = as_table([readings], mechanism) if whole else _of_open_chains(readings, mechanism)
     return table, np.ascontiguousarray(readings.poses), noise, point, whole

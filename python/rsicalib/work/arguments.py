@@ -24,22 +24,6 @@ from rsicalib.plain_text import meant
 from rsicalib.results.result import Result, load_calibration
 from rsicalib.work.edited import edits, refuse_other_units
 
-__all__ = [
-    "Bare",
-    "CalibrationArg",
-    "FramelessArg",
-    "MechanismArg",
-    "PathLike",
-    "ReadingsArg",
-    "SessionsArg",
-    "earlier_result",
-    "grouped",
-    "load",
-    "noise_of_channels",
-    "open_mechanism",
-    "with_logs",
-]
-
 PathLike: TypeAlias = str | os.PathLike[str]
 MechanismArg: TypeAlias = PathLike | Mapping[str, Any] | Mechanism
 FramelessArg: TypeAlias = PathLike | Readings | Log | ArraysArg
@@ -81,25 +65,21 @@ def earlier_result(
         beside = Path(where).parent / OF_LOG
         its = beside if result is not calibration and beside.is_file() else "FILE"
         hint = f"Its own mechanism: --mechanism {its}."
-        raise InputError.at(where, found=found, expected=f"one of {mechanism.name!r}", hint=hint)
+        raise InputError.at(where, found, f"one of {mechanism.name!r}", hint=hint)
     if result.length_unit != mechanism.length_unit:
         found, expected = f"lengths in {result.length_unit!r}", f"{mechanism.length_unit!r}"
         expected += f", as the mechanism {mechanism.name!r} has them"
-        raise InputError.at(where, found=found, expected=expected)
+        raise InputError.at(where, found, expected)
     for number, parameter in enumerate(result.parameters):
         if parameter.value is None:
             place = f"parameters[{number}].value"
-            raise InputError.at(
-                where, found="null", expected="a number", column=place, column_word=""
-            )
+            raise InputError.at(where, "null", "a number", place=place)
     names = {channel.name for channel in mechanism.channels}
     if result.noise is not None and result.noise.sigma.keys() != names:
         odd = min(names ^ result.noise.sigma.keys())
         found = f"{'none for' if odd in names else 'one for'} {odd!r}"
         expected = f"one for each channel of {mechanism.name!r}"
-        raise InputError.at(
-            where, found=found, expected=expected, column="noise.sigma", column_word=""
-        )
+        raise InputError.at(where, found, expected, place="noise.sigma")
     extended = _with_laws(mechanism, result)
     refuse_other_units(result, extended, where)
     said = edits(result, extended)
@@ -197,7 +177,7 @@ def load(readings: ReadingsArg, mechanism: Any, skip: bool) -> Readings:
         if len(sessions) > 1:
             found = f"{len(sessions)} sessions"
             hint = "Import it (rsicalib import), and give one of its files."
-            raise InputError.at(log.source, found=found, expected="one", hint=hint)
+            raise InputError.at(log.source, found, "one", hint=hint)
         return sessions[0]
     if not isinstance(readings, Readings):
         assert not isinstance(readings, Log)  # it is one of the logs above
@@ -205,7 +185,7 @@ def load(readings: ReadingsArg, mechanism: Any, skip: bool) -> Readings:
     names = tuple(channel.name for channel in mechanism.channels)
     if readings.channels != names:
         found, expected = ", ".join(readings.channels), ", ".join(names)
-        raise InputError.at(readings.source, found=f"channels {found}", expected=expected)
+        raise InputError.at(readings.source, f"channels {found}", expected)
     return readings
 
 
@@ -219,19 +199,19 @@ def grouped(
         if "group" not in one.keys:
             expected = "a column 'group' to choose from (--fit-groups, --hold-out-groups)"
             found = "no such column"
-            raise InputError.at(one.source, column="group", found=found, expected=expected)
+            raise InputError.at(one.source, found, expected, column="group")
     known = list(dict.fromkeys(g for one in readings for g in one.keys["group"]))
     source = ", ".join(one.source for one in readings)
     for name in [*(keep or []), *(leave or [])]:
         if name not in known:
             found = f"no group {name!r}{meant(name, known)}"
             expected = f"one of {', '.join(known)}"
-            raise InputError.at(source, column="group", found=found, expected=expected)
+            raise InputError.at(source, found, expected, column="group")
     used = {g for g in known if (keep is None or g in keep) and (leave is None or g not in leave)}
     masks = [np.array([g in used for g in one.keys["group"]]) for one in readings]
     kept = [one.select(mask) for one, mask in zip(readings, masks, strict=True) if mask.any()]
     if not kept:
-        raise InputError.at(source, column="group", found="no row left", expected="some")
+        raise InputError.at(source, "no row left", "some", column="group")
     return kept
 
 

@@ -17,8 +17,6 @@ from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of, tell_closures
 from rsicalib.work.edited import own_misclosure
 
-__all__ = ["OpenLoops", "open_loops", "warn_of_open_loops"]
-
 
 class OpenLoops(NamedTuple):
     """Loops that do not close under a result as those of its own session do."""

@@ -16,8 +16,6 @@ from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
 
-__all__ = ["edits", "own_misclosure", "refuse_other_units"]
-
 ROWS = 64
 """Readings within the span of the session at which the misclosure that is expected is taken: it is
 a mean over them, and theirs differ by less than what the core calls more."""
@@ -102,6 +100,4 @@ def refuse_other_units(result: Result, mechanism: Mechanism, where: str) -> None
         if found and units and found not in units:
             place = f"parameters[{number}].unit"
             expected = " or ".join(repr(unit) for unit in dict.fromkeys(units))
-            raise InputError.at(
-                where, found=repr(found), expected=expected, column=place, column_word=""
-            )
+            raise InputError.at(where, repr(found), expected, place=place)

@@ -36,8 +36,6 @@ from rsicalib.work.outcome import (
 )
 from rsicalib.work.prior import PopulationArg, expected_of, read_population
 
-__all__ = ["Work"]
-
 MOVED = 0.02
 """Readings of a rest pose that differ by more than this share of a channel's range are not of one
 pose: a fixture holds it within a few counts."""

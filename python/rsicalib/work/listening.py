@@ -10,8 +10,6 @@ from typing import TypeAlias, TypeVar
 from rsicalib.report.words import sentence
 from rsicalib.results.result import Result
 
-__all__ = ["ProgressArg", "finished", "listener"]
-
 ProgressArg: TypeAlias = Callable[[str, float], object]
 """Called with the stage in words and the share of the job that is done, 0 to 1.
 

@@ -21,17 +21,6 @@ from rsicalib.io.readings import Readings
 from rsicalib.plain_text import quoted
 from rsicalib.results.result import Result
 
-__all__ = [
-    "NOTHING",
-    "DateArg",
-    "about",
-    "beside_earlier",
-    "described",
-    "digest_of",
-    "labels_of",
-    "reference_of",
-]
-
 DateArg: TypeAlias = str | datetime.date
 
 NOTHING: dict[str, Any] = {"chi2": None, "dof": None, "p_value": None, "rms_misclosure": None}

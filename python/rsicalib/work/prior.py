@@ -11,8 +11,6 @@ from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.io.sources import read_json
 
-__all__ = ["FORMAT", "PopulationArg", "expected_of", "read_population"]
-
 FORMAT = "rsicalib.population/1"
 
 PopulationArg: TypeAlias = str | os.PathLike[str] | Mapping[str, Any]
@@ -33,10 +31,10 @@ def read_population(population: PopulationArg, mechanism: Mechanism) -> dict[str
     else:
         found = read_json(population, "population.json")
     if found.get("format") != FORMAT:
-        raise InputError.at(where, found="another format", expected=FORMAT)
+        raise InputError.at(where, "another format", FORMAT)
     if found.get("mechanism") != mechanism.name:
         own = f"devices of {found.get('mechanism')!r}"
-        raise InputError.at(where, found=own, expected=f"of {mechanism.name!r}")
+        raise InputError.at(where, own, f"of {mechanism.name!r}")
     return found
 
 

@@ -13,8 +13,6 @@ from rsicalib.facts.records import to_json
 from rsicalib.io.files import write_bytes
 from rsicalib.io.sources import read_bytes
 
-__all__ = ["read_state", "write_state"]
-
 FORMAT = "rsicalib.watch-state/1"
 
 
@@ -39,7 +37,7 @@ def read_state(path: str | os.PathLike[str]) -> tuple[dict[str, Any], bytes]:
     except (ValueError, RecursionError):
         head = None
     if not isinstance(head, dict) or head.get("format") != FORMAT:
-        raise InputError.at(str(path), found="another file", expected=FORMAT)
+        raise InputError.at(str(path), "another file", FORMAT)
     if head.get("sha256") != hashlib.sha256(state).hexdigest():
-        raise InputError.at(str(path), found="a damaged file", expected="what a watch has written")
+        raise InputError.at(str(path), "a damaged file", "what a watch has written")
     return head, state

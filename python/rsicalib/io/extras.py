@@ -11,8 +11,6 @@ from typing import Any
 from rsicalib.errors import InputError
 from rsicalib.io.sources import largest_file
 
-__all__ = ["EXTRAS", "needed", "read_by", "wrapped"]
-
 EXTRAS = {"h5py": "hdf5", "pyarrow": "parquet", "rosbags": "ros", "mcap": "ros"}
 """The extra of the package that brings a library."""
 
@@ -70,7 +68,12 @@ def needed(module: str, source: str, what: str) -> Any:
         name = module.split(".")[0]
         hint = f"Install it with: pip install 'rsicalib[{EXTRAS[name]}]'"
         found = f"{what}, and no {name} to read it"
-        raise InputError.at(source, found=found, expected=name, hint=hint) from None
+        raise InputError.at(source, found, name, hint=hint) from None
+
+
+def parquet_modules(source: str, what: str = "a Parquet file") -> tuple[Any, Any]:
+    """The modules `pyarrow` and `pyarrow.parquet`, as `needed` imports them."""
+    return needed("pyarrow", source, what), needed("pyarrow.parquet", source, what)
 
 
 @contextmanager
@@ -98,9 +101,9 @@ def read_by(library: str, source: str, expected: str, hint: str = "") -> Iterato
         if not os.path.isfile(source) or os.path.getsize(source) > largest_file():
             raise
         found = f"a length that no memory holds, where {library} expects one of the file"
-        raise InputError.at(source, found=found, expected=expected, hint=hint) from None
+        raise InputError.at(source, found, expected, hint=hint) from None
     except Exception as error:
         lines = str(error).splitlines() or [type(error).__name__]
         found = f"what {library} cannot read ({lines[0][:200]})"
         hint = wrapped(source) or hint
-        raise InputError.at(source, found=found, expected=expected, hint=hint) from error
+        raise InputError.at(source, found, expected, hint=hint) from error
