@@ -184,7 +184,7 @@ class Log(Alike, Told, Sealed):
 
 
 def _written(cells: Column) -> Sequence[str]:
-    """Text as it is; the shortest text that is read back as the same number."""
+    """Text as it is; the shortest text that is read back as the same number; NaN is blank."""
     if not isinstance(cells, np.ndarray):
         return cells
-    return [repr(v).removesuffix(".0") for v in cells.tolist()]
+    return ["" if v != v else repr(v).removesuffix(".0") for v in cells.tolist()]
