@@ -285,6 +285,54 @@ def test_a_channel_without_a_column_is_refused_with_those_there_are(tmp_path: Pa
         rsicalib.import_log(path, channels={"q1": "wrist"})
 
 
+TOUCHES = """
+name = "arm"
+length_unit = "m"
+channel = [{name = "q1", unit = "rad", gain = 1.0, offset = 0.0}]
+chain = [{name = "arm", dh = [{channel = "q1", a = 0.4}]}]
+point = [{name = "tip", chain = "arm", at = [0.0, 0.0, 0.0]}, {name = "cone", unknown = ["at"]}]
+closure = [{name = "touch", kind = "touch", between = ["tip", "cone"]}]
+"""
+
+
+def test_columns_that_readings_know_or_a_mechanism_needs_are_kept_and_others_are_named(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "arm.toml").write_text(TOUCHES)
+    header = "pose,sample,at,J1 [°],x,temperature_c,load"
+    rows: list[tuple[object, ...]] = [(7, 1, "A", 0.5, 1.0, 21.5, 3), (9, 1, "B", 0.9, 1.0, 22, 3)]
+    path = plotted(tmp_path / "touches.csv", rows, header)
+    log = rsicalib.import_log(path, mechanism=tmp_path / "arm.toml", channels={"q1": "J1 [°]"})
+    columns = log.sessions[0].columns
+    assert {name: [*cells] for name, cells in columns.items()} == {
+        "pose": [7, 9],
+        "sample": [1, 1],
+        "temperature_c": [21.5, 22.0],
+        "at": ["A", "B"],
+        "q1": [0.5, 0.9],
+    }
+    assert any("2 columns not taken: x, load" in finding for finding in log.findings)
+    assert any("q1 is in ° and declared in rad" in finding for finding in log.findings)
+
+    plotted(path, rows, header.replace("at,", "socket,"))
+    named = {"q1": "J1 [°]", "at": "socket"}
+    log = rsicalib.import_log(path, mechanism=tmp_path / "arm.toml", channels=named)
+    assert [*log.sessions[0].columns["at"]] == ["A", "B"]
+
+
+def test_rows_that_are_a_posture_each_are_poses_and_none_that_is_still(tmp_path: Path) -> None:
+    postures = np.random.default_rng(0).uniform(-2.0, 2.0, (60, 6))
+    header = ",".join(f"q{k}" for k in range(1, 7))
+    path = plotted(tmp_path / "touches.csv", [*map(tuple, postures)], header)
+    with pytest.raises(InputError, match=r"pose of its own: rsicalib import --hold 0\b"):
+        rsicalib.import_log(path)
+    columns = rsicalib.import_log(path, rate=10.0).sessions[0].columns
+    assert [*columns["pose"]] == [*range(1, 61)] and "time_s" not in columns
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((60, 6))
+    plotted(path, [*map(tuple, postures[0] + noise)], header)
+    assert len({*rsicalib.import_log(path, rate=10.0).sessions[0].columns["pose"]}) < 10
+
+
 # ------------------------------------------------------------------ still stretches
 
 

@@ -13,6 +13,7 @@ from argparse import Namespace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rsicalib
@@ -21,6 +22,7 @@ from rsicalib.cli import colours, completion, progress
 from rsicalib.cli.parser import make_parser
 from rsicalib.cli.progress import ProgressLine, progress_of
 from rsicalib.cli.streams import folded
+from tests.commands import run_text
 
 READINGS, REST, CHECK = (str(DEMO / f"{name}.csv") for name in ("readings", "rest", "check"))
 
@@ -390,3 +392,32 @@ def test_no_line_ends_beside_a_plus_minus() -> None:
             line.endswith("±") or line.strip().startswith("±")
             for line in folded(text, width).split("\n")
         )
+
+
+# ------------------------------------------------------------------ commands that it prints
+
+BAR = """
+name = "bar"
+length_unit = "m"
+channel = [{name = "q", unit = "rad", gain = 1.0, offset = 0.0, noise = 1e-4}]
+chain = [{name = "bar", dh = [{channel = "q", a = 1.0}]}]
+point = [{name = "tip", chain = "bar", at = [0.0, 0.0, 0.0]}, {name = "post", at = [-0.5, 0.0, 0.0]}]
+closure = [{name = "rule", kind = "distance", between = ["tip", "post"], value = "ruled"}]
+
+[model]
+terms = ["offset"]
+"""
+
+
+def test_the_command_that_a_result_advises_works_as_it_is_printed(tmp_path: Path) -> None:
+    (tmp_path / "FILE").write_text(BAR)
+    angles = np.linspace(0.2, 1.8, 20)
+    ruled = np.hypot(np.cos(angles) + 0.5, np.sin(angles))
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(20)
+    rows = [f"{q + e - 0.01:.6f},{r:.6f}" for q, e, r in zip(angles, noise, ruled, strict=True)]
+    (tmp_path / "READINGS").write_text("\n".join(["q,ruled", *rows, ""]))
+    said = run_text("calibrate", "READINGS", "--mechanism", "FILE", "--out", ".", cwd=tmp_path)
+    assert said.returncode == 0, said.stderr
+    printed = re.search(r"rsicalib (forward(?:.|\n)*?result\.json)", said.stdout)
+    assert printed is not None
+    assert run_text(*printed[1].split(), cwd=tmp_path).returncode == 0

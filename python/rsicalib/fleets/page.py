@@ -185,7 +185,9 @@ def _remarks(
             f"{counted(reports, 'report')} of single devices; --reports N writes more or fewer"
         )
     elif files:
-        notes.append("rsicalib trace FILE --out FOLDER writes the report of one device")
+        notes.append(
+            "rsicalib trace FILE --mechanism MECHANISM --out FOLDER writes the report of one device"
+        )
     return section(words.capitalize(), shown, *(f'<p class="faint">{n}</p>' for n in notes))
 
 

@@ -33,6 +33,12 @@ class Asked:
         Leave out rows that cannot be used, and count them.
     labels : mapping of str to str
         Text columns with the same entry in each row: `group`, `at`, `surface`.
+    beside : mapping of str to str
+        Of a table: name in the log of columns that are no channels: `at`, `temperature_c`.
+    needed, texts : tuple of str
+        Columns that the mechanism needs beside its channels, and which of them hold text.
+    units : mapping of str to str
+        Unit of each channel, as the mechanism declares it.
     """
 
     channels: Mapping[str, str] | None = None
@@ -44,6 +50,10 @@ class Asked:
     ranges: tuple[str, ...] = ()
     skip_bad_rows: bool = False
     labels: Mapping[str, str] = field(default_factory=dict)
+    beside: Mapping[str, str] = field(default_factory=dict)
+    needed: tuple[str, ...] = ()
+    texts: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def chosen(
@@ -72,7 +82,7 @@ def chosen(
                 hint += " Commas, semicolons or tabs stand between cells: other marks part nothing."
             else:
                 hint += " Say which is which by rsicalib import --channels CHANNEL=NAME,…"
-            expected = f"one {what} for the channel {channel!r}"
+            expected = f"one {what} for {channel!r}"
             raise InputError.at(source, found, expected, column=name, hint=hint, column_word=what)
         places[channel] = fits[0]
     return places

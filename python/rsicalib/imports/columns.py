@@ -18,9 +18,11 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked, chosen
+from rsicalib.imports.beside import cells_beside, columns_beside, units_said
 from rsicalib.imports.log import Log
 from rsicalib.imports.series import in_columns
 from rsicalib.imports.stretches import Recording, session_of
+from rsicalib.io.cells import TIME
 from rsicalib.io.tables import PARQUET, Table, is_blank, numbers, quoted, read_table, text
 from rsicalib.io.times import seconds, time_column
 from rsicalib.plain_text import counted
@@ -87,22 +89,23 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
             hint="Put a header line above them.",
             line_word=table.line_word,
         )
-    place = time_column(table.names)
+    beside = columns_beside(table, asked)
+    place = beside.pop(TIME, time_column(table.names))
     channels = asked.channels
     if channels is None:
-        held = [k != place and _numeric(table, k) for k in range(len(table.names))]
+        apart = {place, *beside.values()}
+        held = [k not in apart and _numeric(table, k) for k in range(len(table.names))]
         counts = [one and _counts_rows(table, k) for k, one in enumerate(held)]
         if counts == held:  # nothing else is there
             counts = [False] * len(held)
         taken = [one and not counter for one, counter in zip(held, counts, strict=True)]
         channels = {n: n for n, one in zip(table.names, taken, strict=True) if one}
-        counters = [n or "(no name)" for n, one in zip(table.names, counts, strict=True) if one]
-        bare = [n for k, n in enumerate(table.names) if k != place and not held[k]]
-        if counters:
-            notes.append(f"columns that count the rows are not taken: {', '.join(counters)[:200]}")
-        if bare:
-            notes.append(f"columns without numbers are not taken: {', '.join(bare)[:200]}")
     places = chosen(channels, table.names, table.source)
+    read = {place, *beside.values(), *places.values()}
+    left = [n or "(no name)" for k, n in enumerate(table.names) if k not in read]
+    if left:
+        notes.append(f"{counted(len(left), 'column')} not taken: {', '.join(left)[:200]}")
+    notes += units_said(table, places, asked)
     if not places or not len(table.lines):
         said = "no rows" if places else "no column of numbers"
         raise InputError.at(table.source, said, "readings of at least one channel")
@@ -115,25 +118,27 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
     values = np.column_stack([_cells(table, k, keep) for k in places.values()])
     time: FloatArray | None = None
     if place is not None:
-        cells = [table.columns[place][i] for i in keep.tolist()]
-        if table.decimal == ",":
-            cells = [str(cell).replace(",", ".") for cell in cells]
-        found = seconds(cells, table.names[place])
+        stamps = [table.columns[place][i] for i in keep.tolist()]
+        points = [str(s).replace(",", ".") for s in stamps] if table.decimal == "," else stamps
+        found = seconds(points, table.names[place])
         if isinstance(found, int):
             expected = "a time: seconds, an integer since 1970, or a date as ISO 8601 has it"
             row, name = int(keep[found]), table.names[place]
-            raise table.fault(row, name, quoted(cells[found]), expected)
+            raise table.fault(row, name, quoted(stamps[found]), expected)
         time, note = found
         notes += [note] if note else []
-    return Recording(tuple(places), values, time, table.lines[keep]), notes
+    cells = cells_beside(table, beside, keep, asked)
+    return Recording(tuple(places), values, time, table.lines[keep], beside=cells), notes
 
 
 def _refuse_timeless(recording: Recording, table: Table, asked: Asked) -> None:
     """Held poses are found by the time; say how a column of times is called."""
-    if recording.time_s is not None or asked.rate is not None or asked.hold == 0.0:
+    known = recording.time_s is not None or "pose" in recording.beside
+    if known or asked.rate is not None or asked.hold == 0.0:
         return
-    hint = f"Those of the log: {', '.join(table.names)[:300]}. Name one so, or say how many rows "
-    hint += "there are in a second by rsicalib import --rate HZ, or take all by --hold 0."
+    hint = f"Those of the log: {', '.join(table.names)[:300]}. Name one so. Where each row is a "
+    hint += "pose of its own: rsicalib import --hold 0. Of a recording, say how many rows there "
+    hint += "are in a second: rsicalib import --rate HZ."
     expected = "one called time, timestamp or t, with its unit or without (time_ms)"
     raise InputError.at(table.source, "no column of times", expected, hint=hint)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from rsicalib._core import Mechanism
@@ -11,6 +12,7 @@ from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked
 from rsicalib.imports.kinds import KINDS, format_of, is_table, whole_of
 from rsicalib.imports.log import Log
+from rsicalib.io.cells import COLUMNS
 from rsicalib.io.extras import wrapped
 from rsicalib.options import checked
 from rsicalib.plain_text import meant
@@ -44,7 +46,8 @@ def import_log(
         Whose channels are taken; where its chains are given as URDF, by the names of their joints.
     channels : mapping of str to str, optional
         Name in the log of each channel, `{"q1": "panda_joint1"}`; all that the log has where
-        neither this nor a mechanism is given.
+        neither this nor a mechanism is given. Of a table also that of any other column of readings,
+        `{"at": "socket"}`; those that bear their own name are taken as they are.
     topic : str, optional
         Of ROS: where the joint states are.
     when : str, optional
@@ -90,8 +93,15 @@ def import_log(
     if useless:
         expected = f"one of: {KINDS[format].takes or 'none'}"
         raise InputError(f"{useless[0]}: found it for a {KINDS[format].words}, expected {expected}")
+    joints = None if mechanism is None else joints_of(mechanism)
+    needs = _Needs() if mechanism is None else _Needs.of(mechanism)
+    beside: dict[str, str] = {}
+    if format == "columns" and channels is not None:
+        others = {*COLUMNS, *needs.columns} - {*(joints or ())}
+        beside = {name: other for name, other in channels.items() if name in others}
+        channels = {n: o for n, o in channels.items() if n not in beside} or None
     asked = Asked(
-        channels=_wanted(mechanism, channels),
+        channels=_wanted(joints, channels),
         topic=topic,
         when=when,
         hold=hold,
@@ -100,6 +110,10 @@ def import_log(
         ranges=tuple(map(os.fsdecode, ranges)),
         skip_bad_rows=skip_bad_rows,
         labels=dict(labels or {}),
+        beside=beside,
+        needed=needs.columns,
+        texts=needs.texts,
+        units=needs.units,
     )
     return KINDS[format].read(name, asked)
 
@@ -145,13 +159,34 @@ def joints_of(mechanism: str | os.PathLike[str] | Mapping[str, Any] | Mechanism)
     return {channel.name: joints.get(channel.name, channel.name) for channel in loaded.channels}
 
 
-def _wanted(mechanism: Any, channels: Mapping[str, str] | None) -> Mapping[str, str] | None:
+@dataclass(frozen=True)
+class _Needs:
+    """What a mechanism needs of a log beside its channels, and the units of those."""
+
+    columns: tuple[str, ...] = ()
+    texts: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, mechanism: str | os.PathLike[str] | Mapping[str, Any] | Mechanism) -> _Needs:
+        """Those of a mechanism."""
+        from rsicalib.io.mechanisms import load_mechanism  # few need it
+
+        loaded = mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
+        texts = tuple(loaded.key_columns)
+        units = {channel.name: channel.unit for channel in loaded.channels}
+        return cls((*texts, *loaded.value_columns), texts, units)
+
+
+def _wanted(
+    joints: Mapping[str, str] | None, channels: Mapping[str, str] | None
+) -> Mapping[str, str] | None:
     """Name in the log of each channel that is asked for."""
-    if mechanism is None:
+    if joints is None:
         return channels
-    joints, given = joints_of(mechanism), dict(channels or {})
+    given = dict(channels or {})
     unknown = [name for name in given if name not in joints]
     if unknown:
         expected = f"one of {', '.join(joints)}"
         raise InputError(f"channels: found no channel {unknown[0]!r}, expected {expected}")
-    return joints | given
+    return {**joints, **given}

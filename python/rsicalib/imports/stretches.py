@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import HOLD, Asked
 from rsicalib.imports.log import Column, Session
+from rsicalib.io.samples import picked
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,8 @@ class Recording:
         Rows at which there is contact, where that was asked for.
     name : str
         What the log calls it.
+    beside : mapping of str to sequence
+        Cells of columns that are no channels, by name, `n` each; with `pose`, its poses are known.
     """
 
     names: tuple[str, ...]
@@ -39,6 +43,11 @@ class Recording:
     lines: IntArray
     inside: np.ndarray | None = None
     name: str = ""
+    beside: Mapping[str, Column] = field(default_factory=dict)
+
+
+FARTHER = 0.01
+"""Part of what it reads by which no sensor is noisy: rows that differ by more are postures."""
 
 
 def session_of(
@@ -81,9 +90,10 @@ def session_of(
         time = np.arange(len(recording.lines)) / asked.rate
     inside = recording.inside
     notes = [] if time is None else _told(recording, time)
-    if hold == 0.0:
+    if hold == 0.0 or "pose" in recording.beside:
         return _rows(recording, time, inside, None, asked), notes
-    hint = "Say it by rsicalib import --rate HZ, or take all by --hold 0."
+    hint = "Of a recording, say it by rsicalib import --rate HZ. Where each row is a pose of its "
+    hint += "own: rsicalib import --hold 0."
     if time is None:
         found, expected = "no times", "times, or how many rows there are in a second"
         raise InputError.at(source, found, expected, hint=hint)
@@ -93,6 +103,14 @@ def session_of(
         expected = "a time for each row, or how many rows there are in a second"
         raise InputError.at(source, found, expected, hint=hint)
     stretches = still_stretches(recording.values, time, hold, inside)
+    if asked.hold is None and asked.rate is not None and _postures(recording, stretches):
+        said = (
+            "no two neighbouring rows are alike, and all differ by more than a sensor is noisy: "
+            "each row is a pose of its own, without a time; rsicalib import --hold SECONDS takes "
+            "them as a recording"
+        )
+        each = np.arange(1, len(time) + 1)
+        return _rows(recording, None, None, each, asked), [said]
     rule = f"still for {hold:g} s or more, each channel in its own noise"
     if not stretches:
         said = (
@@ -112,6 +130,14 @@ def session_of(
     moving = (pose == 0) if inside is None else (pose == 0) & inside
     motion = _rows(recording, time, moving, None, asked) if moving.any() else None
     return Session(session.columns, session.lines, session.name, motion), [*notes, said]
+
+
+def _postures(recording: Recording, stretches: Sequence[tuple[int, int]]) -> bool:
+    """Whether what looks still is postures apart: they scatter as noise does, and far too much."""
+    sizes = np.abs(recording.values).max(axis=0)
+    steps = np.abs(np.diff(recording.values, axis=0)) / np.where(sizes > 0.0, sizes, 1.0)
+    jumps = steps.max(axis=1) > FARTHER
+    return any(jumps[start : end - 1].all() for start, end in stretches)
 
 
 def _told(recording: Recording, time: FloatArray) -> list[str]:
@@ -150,6 +176,11 @@ def _rows(
         columns["sample"] = np.arange(keep.sum()) - np.repeat(first, lengths)
     if time is not None:
         columns["time_s"] = time[keep]
+    columns |= {
+        name: cells[keep] if isinstance(cells, np.ndarray) else picked(cells, keep)
+        for name, cells in recording.beside.items()
+        if name not in columns
+    }
     columns |= {name: [text] * int(keep.sum()) for name, text in asked.labels.items()}
     columns |= {name: recording.values[keep, k] for k, name in enumerate(recording.names)}
     return Session(columns, recording.lines[keep], recording.name)

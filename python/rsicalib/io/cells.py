@@ -161,7 +161,10 @@ def _by_import(name: str, table: Table, mechanism: MechanismLike) -> str:
     if table.line_word == "row" or name in mechanism.value_columns:
         return ""
     if name in mechanism.key_columns:
-        return f" One text in every row: rsicalib import --labels {name}=TEXT."
+        return (
+            f" A column of another name: rsicalib import --channels {name}=COLUMN. Only where all "
+            f"rows touch the same place, one text for all: rsicalib import --labels {name}=TEXT."
+        )
     where = f"with --channels {name}=COLUMN where names differ"
     return f" A file of another program: rsicalib import, {where}."
 

@@ -82,6 +82,11 @@ def _written(unit: str) -> set[str]:
     return {unit.lower(), *SAME.get(unit, ())} if unit else set(NONE)
 
 
+def same_unit(found: str, expected: str) -> bool:
+    """Whether a text is one of the ways in which a unit is written."""
+    return found.lower() in _written(expected)
+
+
 def _is_text(cell: str) -> bool:
     """Whether a cell is no number: `inf` and `nan` look like units."""
     try:

@@ -21,6 +21,7 @@ from rsicalib.facts.shapes import (
     StepParameter,
     TraceShape,
 )
+from rsicalib.io.builtin import DEFAULT
 from rsicalib.units import in_thousandths, with_unit
 
 NO_TERM = {"unknown_law": "a law that no term has", "unknown_noise": "errors that follow no law"}
@@ -516,7 +517,8 @@ def advice(result: ResultShape) -> list[str]:
     if result.verdict in ("adequate", "explained"):
         steps = result.steps if isinstance(result, TraceShape) else ()
         aside = _aside([subject(s) for s in steps if not s.applied])
-        out.append(f"Use it{aside}: rsicalib forward READINGS --calibration result.json.")
+        how = f"rsicalib forward READINGS{_given(result)} --calibration result.json"
+        out.append(f"Use it{aside}: {how}.")
     # Where nothing was fitted, what is lacking says what to do.
     if result.verdict == "undetermined" and result.parameters:
         less = (
@@ -534,7 +536,8 @@ def advice(result: ResultShape) -> list[str]:
     left = not against or any(reason.kind in TRACED for reason in result.reasons)
     if result.verdict == "unexplained" and isinstance(result, CalibrationShape) and left:
         out.append("Find what is missing: rsicalib trace, with the same files.")
-    out += list(dict.fromkeys(ADVICE[reason.kind] for reason in against))
+    given = {"given": _given(result)}
+    out += list(dict.fromkeys(ADVICE[reason.kind].format(**given) for reason in against))
     if result.verdict == "unjudged" and result.method != "fixture":
         seated = result.noise is not None and result.noise.seating is not None
         out.append(
@@ -555,6 +558,11 @@ def advice(result: ResultShape) -> list[str]:
     return out
 
 
+def _given(result: ResultShape) -> str:
+    """The option of a command that says the mechanism of a result; the default needs none."""
+    return "" if result.mechanism == DEFAULT else " --mechanism FILE"
+
+
 def _aside(left: Sequence[str]) -> str:
     """What was found and is no part of a calibration."""
     if not left:
@@ -568,7 +576,7 @@ TRACED = ("residual", "check", "check_orientation")
 
 ADVICE = {
     "open_loops": "The mechanism is not what it was in the session, or the check readings are of "
-    "another one: rsicalib calibrate CHECK --calibration result.json says what has changed.",
+    "another one: rsicalib calibrate CHECK{given} --calibration result.json says what has changed.",
     "check": "Check poses are off by more than predicted: record poses like them, and see whether "
     "the known poses are as good as they are taken for (--check-noise says how good).",
     "check_orientation": "Check poses are turned by more than predicted: see whether the known "
@@ -594,14 +602,17 @@ ADVICE = {
     "held_out_before": "Poses that are left out fit worse with what was found: record more poses, "
     "and see whether it is found again.",
 }
-"""What to do where readings that a fit has not seen speak against it, by the kind of reason."""
+"""What to do where readings that a fit has not seen speak against it, by the kind of reason;
+`given` is the option that says the mechanism."""
 
 
 def _implausible(result: ResultShape) -> list[str]:
     """What to look at where something is out of all proportion: readings, units, drawing."""
     steps = result.steps if isinstance(result, TraceShape) else ()
+    labelled = any(p.term == "unknown_point" and "[" in p.target for p in result.parameters)
+    labels = ["Check the labels: rows with one text in `at` or `group` must touch one place."]
     if steps:
-        return [
+        return labels * labelled + [
             f"Do not use it. What was found ({listed_words([subject(s) for s in steps])}) may "
             "stand for something else: measure it by itself, or leave the term out with --without."
         ]
@@ -611,6 +622,7 @@ def _implausible(result: ResultShape) -> list[str]:
         "Check the units: lengths, radians or degrees, gain and range of each channel.",
         "Check the drawing: rsicalib mechanism FILE shows what is declared; compare a length and "
         "an angle with the machine.",
+        *labels * labelled,
     ]
 
 

@@ -25,7 +25,6 @@ pub fn plate(how: How, seed: u64) -> Device {
         name: "plate".into(),
         unknown: Some(vec!["pose".into()]),
         pose: Some([0.0, 0.0, HIGH, 0.0, 0.0, 0.0]),
-        ..Frame::default()
     });
     for k in 0..LEGS {
         let [foot, joint, length] = ["foot", "joint", "length"].map(|name| format!("{name}{k}"));
