@@ -370,7 +370,7 @@ pub enum Role {
     Other,
 }
 
-/// What every term declares: [`term!`] implements it.
+/// What every term declares: `term!` implements it.
 pub trait Declared {
     /// Identity, parameters, units and description.
     fn info(&self) -> &'static Info;
