@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import rsicalib
@@ -45,3 +46,33 @@ closure = [
 ]
 """
     assert rsicalib.load_mechanism(text).equations == 3
+
+
+def belts(order: str = "tl tr bl br", scale: float = 1.0) -> dict[str, np.ndarray]:
+    """Belts of a sled at 36 places, simulated by distances alone; columns in another order."""
+    anchors = {"tl": (12, 2031, 100), "tr": (2870, 2018, 56), "bl": (0, 0, 34), "br": (2889, 0, 78)}
+    rng = np.random.default_rng(50)
+    x, y = np.meshgrid(np.linspace(500, 2400, 6), np.linspace(400, 1600, 6))
+    read = []
+    for a, b, height in anchors.values():
+        apart = np.sqrt((x - a) ** 2 + (y - b) ** 2 + height**2).ravel()
+        read.append(scale * (apart + rng.normal(0, 0.3, 36)))
+    return {"pose": np.arange(1, 37), **dict(zip(order.split(), read, strict=True))}
+
+
+@pytest.mark.parametrize("order", ["tr tl bl br", "tl br bl tr", "bl tr tl br"])
+def test_belts_whose_columns_are_exchanged_are_said_to_be(order: str) -> None:
+    """Anchors that are unknown close the loops with any names: the drawing tells."""
+    found = rsicalib.calibrate(belts(order), "maslow")
+    (warning,) = [one for one in found.warnings if one.kind == "exchanged"]
+    exchanged = {a for a, b in zip(order.split(), ("tl", "tr", "bl", "br"), strict=True) if a != b}
+    # Of a rectangle the other two exchanged are its mirror image.
+    assert set(str(warning.target).split("+")) in (exchanged, {"tl", "tr", "bl", "br"} - exchanged)
+    assert not [
+        one for one in rsicalib.calibrate(belts(), "maslow").warnings if one.kind == "exchanged"
+    ]
+
+
+def test_belts_in_metres_for_millimetres_are_implausible() -> None:
+    found = rsicalib.calibrate(belts(scale=1e-3), "maslow")
+    assert found.verdict == "implausible"

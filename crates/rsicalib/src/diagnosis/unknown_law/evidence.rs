@@ -376,11 +376,16 @@ pub(super) mod tests {
         let data = Data { scale: Scale::Known(f64::INFINITY), dof: n as f64 };
         let plain = DMatrix::identity(n, n) + &q * q.transpose() * FITTED;
         let constant = &plain + &a * a.transpose() * FITTED;
+        // One that shows: half of the scatter of the residuals.
+        let shows = &r + &a * 2.0;
+        let shows = &shows - &q * q.dot(&shows);
         // What is fitted has a variance without bound.
-        let fall = gaussian(&r, &plain) - gaussian(&r, &constant)
+        let fall = gaussian(&shows, &plain) - gaussian(&shows, &constant)
             + (constant.determinant() / plain.determinant()).ln();
-        for (beside, plain) in [(false, plain), (true, constant)] {
+        for (beside, r, plain) in [(false, r, plain), (true, shows, constant)] {
             let (errors, ..) = errors(n);
+            let gradient = a.iter().zip(&r).map(|(a, r)| a * r).collect();
+            let errors = Errors { gradient, ..errors };
             let errors = if beside { errors.beside_a_constant(0.5) } else { errors };
             let paid = if beside { charge(1.0, fall) + 0.5 - fall } else { 0.0 };
             for variables in [vec![&x], vec![&x, &y], vec![&plays], vec![&x, &plays]] {
