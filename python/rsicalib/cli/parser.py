@@ -9,29 +9,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from rsicalib import _core
+from rsicalib.cli import verbs as of
 from rsicalib.cli.completion import SHELLS
-from rsicalib.cli.verbs import (
-    Args,
-    calibrate,
-    certify,
-    completion,
-    demo,
-    export,
-    fixture,
-    fleet,
-    forward,
-    guide,
-    history,
-    import_,
-    mechanism,
-    paper,
-    plan,
-    simulate,
-    suppose,
-    terms,
-    trace,
-    watch,
-)
 from rsicalib.errors import InputError
 from rsicalib.exports.kinds import EXPORTS
 from rsicalib.imports.asked import HOLD
@@ -153,7 +132,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"rsicalib {_core.__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
 
-    def verb(run: Callable[[Args], int], **more: Any) -> argparse.ArgumentParser:
+    def verb(run: Callable[[of.Args], int], **more: Any) -> argparse.ArgumentParser:
         words = (run.__doc__ or "").strip().splitlines()[0]
         name = run.__name__.rstrip("_")  # `import` is a word of Python
         sub = verbs.add_parser(name, help=words, description=words, **more)
@@ -166,10 +145,10 @@ def make_parser() -> argparse.ArgumentParser:
         sub.add_argument("--quiet", action="store_true", help="no summary, progress or warnings")
         return sub
 
-    sub = verb(demo)
+    sub = verb(of.demo)
     _add_out(sub)
 
-    for run in (calibrate, trace):
+    for run in (of.calibrate, of.trace):
         sub = verb(run)
         sub.add_argument(
             "readings",
@@ -195,7 +174,7 @@ def make_parser() -> argparse.ArgumentParser:
             type=_names,
             help="terms to identify: offset, curvature@a22",
         )
-        if run is trace:
+        if run is of.trace:
             sub.add_argument(
                 "--without", metavar="TERM,…", type=_names, help="terms that are no candidates"
             )
@@ -207,7 +186,7 @@ def make_parser() -> argparse.ArgumentParser:
             type=_noise,
             help="standard deviation of one sample, quantisation included",
         )
-        if run is calibrate:
+        if run is of.calibrate:
             sub.add_argument(
                 "--method",
                 choices=("implicit_loop", "algebraic"),
@@ -225,7 +204,7 @@ def make_parser() -> argparse.ArgumentParser:
         _add_about(sub)
         _add_out(sub)
 
-    sub = verb(fixture)
+    sub = verb(of.fixture)
     sub.add_argument("readings", metavar="READINGS", help="with the columns x y z rx ry rz")
     _add_mechanism(sub)
     _add_check(sub)
@@ -233,13 +212,13 @@ def make_parser() -> argparse.ArgumentParser:
     _add_about(sub)
     _add_out(sub)
 
-    sub = verb(forward)
+    sub = verb(of.forward)
     sub.add_argument("readings", metavar="READINGS", help="CSV or Parquet")
     _add_mechanism(sub)
     sub.add_argument("--calibration", metavar="FILE", help="an earlier result; else as declared")
     _add_skip(sub)
 
-    sub = verb(simulate)
+    sub = verb(of.simulate)
     sub.add_argument("out", metavar="OUT", type=_folder, help="folder for the files")
     _add_mechanism(sub)
     sub.add_argument("--poses", type=parsed("poses"), default=48, help="held poses (48)")
@@ -256,7 +235,7 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--seed", type=_seed, default=0, help="same seed, same files (0)")
     _add_force(sub)
 
-    sub = verb(plan)
+    sub = verb(of.plan)
     _add_mechanism(sub)
     words = "how many to visit (12; with --target at most 64)"
     sub.add_argument("--poses", type=parsed("plan.poses"), default=None, help=words)
@@ -284,7 +263,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     _add_force(sub)
 
-    sub = verb(fleet)
+    sub = verb(of.fleet)
     sub.add_argument("dataset", metavar="DATASET", help="Parquet or CSV, a file or a folder")
     sub.add_argument("--by", metavar="COLUMN", default="device", help="names the device (device)")
     words = "groups that each of these is in, such as batch,tool: columns, or those of levels.csv"
@@ -310,7 +289,7 @@ def make_parser() -> argparse.ArgumentParser:
     words = "folder for fleet.parquet and fleet.html"
     sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
 
-    sub = verb(guide)
+    sub = verb(of.guide)
     _add_mechanism(sub)
     sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
     words = "readings, held-out poses, places passed and result.json grow there"
@@ -334,7 +313,7 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--seconds", type=parsed("seconds"), default=0.6, help=words)
     sub.add_argument("--seed", type=_seed, default=0, help="of the candidates (0)")
 
-    sub = verb(watch)
+    sub = verb(of.watch)
     sub.add_argument("readings", metavar="READINGS|-", help="CSV or Parquet; -: standard input")
     _add_mechanism(sub)
     words = "the result under which the device works; a folder of them for a column `device`"
@@ -346,7 +325,7 @@ def make_parser() -> argparse.ArgumentParser:
     words = "wait for more at the end of the file, until Ctrl-C"
     sub.add_argument("--follow", action="store_true", help=words)
 
-    sub = verb(history)
+    sub = verb(of.history)
     sub.add_argument("folder", metavar="DIR", help="folder of results, with their dates")
     _add_mechanism(sub)
     sub.add_argument("--device", metavar="NAME", help="whose results; else of the most frequent")
@@ -356,7 +335,7 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--out", metavar="DIR", type=_folder, help=words)
     _add_force(sub)
 
-    sub = verb(certify)
+    sub = verb(of.certify)
     words = "a trace: result.json, or what `trace --json` wrote"
     sub.add_argument("result", metavar="RESULT", help=words)
     _add_mechanism(sub)
@@ -370,7 +349,7 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--out", metavar="DIR", type=_folder, help=words)
     _add_force(sub)
 
-    sub = verb(suppose)
+    sub = verb(of.suppose)
     words = "a session, or a plan with a column for each channel"
     sub.add_argument("readings", metavar="READINGS", nargs="+", help=words)
     words = "what is supposed: curvature@a22.c2=0.02; again for more of them at once"
@@ -388,7 +367,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     _add_force(sub)
 
-    sub = verb(paper)
+    sub = verb(of.paper)
     words = "of every simulated cell (1000)"
     sub.add_argument("--trials", type=parsed("trials"), default=1000, help=words)
     sub.add_argument("--seed", type=_seed, default=1995, help="same seed, same figures (1995)")
@@ -398,16 +377,16 @@ def make_parser() -> argparse.ArgumentParser:
     )
     _add_force(sub)
 
-    sub = verb(terms)
+    sub = verb(of.terms)
     sub.add_argument("id", metavar="ID", nargs="?", help="one term in full")
     _add_mechanism(sub)
 
-    sub = verb(mechanism)
+    sub = verb(of.mechanism)
     sub.add_argument(
         "name", metavar="NAME|FILE", nargs="?", default="rsi", help="rsi where not given"
     )
 
-    sub = verb(export)
+    sub = verb(of.export)
     sub.add_argument("result", metavar="RESULT", help="result.json of calibrate or trace")
     words = "; ".join(f"{kind}: {words}" for kind, words in EXPORTS.items())
     sub.add_argument("--to", choices=list(EXPORTS), required=True, help=words)
@@ -418,7 +397,7 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--out", metavar="FOLDER", type=_folder, help=words)
     _add_force(sub)
 
-    sub = verb(import_)
+    sub = verb(of.import_)
     words = "a serial log, printer.cfg, a data set, a bag, HDF5, CSV or Parquet"
     sub.add_argument("source", metavar="SOURCE", help=words)
     words = "readings.csv, and mechanism.toml where the log has one, are written there"
@@ -449,7 +428,7 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--skip-bad-rows", action="store_true", help=words)
     _add_force(sub)
 
-    sub = verb(completion)
+    sub = verb(of.completion)
     sub.add_argument("shell", choices=SHELLS, help="for whom the script is")
     sub.set_defaults(parser=parser)
     return parser

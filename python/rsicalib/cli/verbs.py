@@ -21,7 +21,7 @@ from rsicalib.cli.output import prepare, show, warn
 from rsicalib.cli.progress import progress_of
 from rsicalib.cli.streams import columns_of, emit, folded, say
 from rsicalib.errors import InputError, UndeterminedError
-from rsicalib.facts.records import plain, to_json
+from rsicalib.facts.records import Record, plain, to_json
 from rsicalib.io.folders import EXPORT, IMPORT, MARK, write_folder
 from rsicalib.plain_text import meant, printable
 
@@ -59,36 +59,26 @@ def import_(args: Args) -> int:
     from rsicalib.imports.opening import import_log
     from rsicalib.report.recording import recording_figure
 
-    names = "format mechanism channels topic when hold rate episodes ranges labels"
-    names += " skip_bad_rows"
-    options = {name: getattr(args, name) for name in names.split()}
-    log = import_log(args.source, **options)
+    names = "format mechanism channels topic when hold rate episodes ranges labels skip_bad_rows"
+    log = import_log(args.source, **_of(args, names))
     files = log.files()
     figure = recording_figure(log)
     if figure is not None:
         files["recording.svg"] = f"{figure.svg()}<!-- {MARK} -->\n"
     written = write_folder(args.out, files, seal=IMPORT, force=args.force)
-    if args.json:
-        emit(to_json(log.to_dict()))
-    elif not args.quiet:
-        say("\n".join([log.text(), "", *sorted(map(str, written))]))
-    return 0
+    text = "\n".join([log.text(), "", *sorted(map(str, written))])
+    return _told(args, to_json(log.to_dict()), text)
 
 
 def export(args: Args) -> int:
     """A result for others: URDF, MJCF, Maslow4, Klipper, LeRobot, ROS 2, C, corrected readings."""
     from rsicalib.exports.opening import export_result, sealed
 
-    options = {name: getattr(args, name) for name in ("readings", "base")}
-    files = export_result(args.result, args.to, args.mechanism, **options)
+    files = export_result(args.result, args.to, args.mechanism, **_of(args, "readings base"))
     if args.out is not None:
         made = sealed(files, args.to)
         written = write_folder(args.out, made, seal=EXPORT, force=args.force)
-        if args.json:
-            emit(str(made[EXPORT]))
-        elif not args.quiet:
-            say("\n".join(map(str, written)))
-        return 0
+        return _told(args, str(made[EXPORT]), "\n".join(map(str, written)))
     texts = [content for content in files.values() if isinstance(content, str)]
     if args.json or len(texts) < len(files):
         raise InputError(f"out: found none, expected a folder for {', '.join(files)} (--out)")
@@ -101,8 +91,7 @@ def fixture(args: Args) -> int:
     from rsicalib import api
 
     prepare(args)
-    names = "mechanism check align skip_bad_rows device note date"
-    options = {name: getattr(args, name) for name in names.split()}
+    options = _of(args, "mechanism check align skip_bad_rows device note date")
     return show(args, _heard(args, lambda _: api.fixture(args.readings, **options)))
 
 
@@ -166,15 +155,10 @@ def simulate(args: Args) -> int:
     """A device with a known truth: readings, rest and check poses, truth."""
     from rsicalib.poses.simulation import simulate as simulate_device
 
-    names = "mechanism poses samples noise seed force"
-    options = {name: getattr(args, name) for name in names.split()}
-    options["check"] = args.check_poses
+    options = {**_of(args, "mechanism poses samples noise seed force"), "check": args.check_poses}
     made = _heard(args, lambda _: simulate_device(args.out, **options), "simulate")
-    if args.json:
-        emit(to_json(made.truth))
-    elif not args.quiet:
-        say("\n".join(sorted(str(path) for path in args.out.iterdir())))
-    return 0
+    text = "\n".join(sorted(str(path) for path in args.out.iterdir()))
+    return _told(args, to_json(made.truth), text)
 
 
 def plan(args: Args) -> int:
@@ -185,34 +169,15 @@ def plan(args: Args) -> int:
 
     mechanism = api.load_mechanism(args.mechanism)
     warn(args, mechanism.doubts)
-    found = _heard(
-        args,
-        lambda _: plan_poses(
-            mechanism,
-            args.poses,
-            target=args.target,
-            result=args.result,
-            beside=args.beside,
-            noise=args.noise,
-            criterion=args.criterion,
-            calibration=args.calibration,
-            off=args.off,
-            seed=args.seed,
-        ),
-        "choose poses",
-    )
+    options = _of(args, "poses target result beside noise criterion calibration off seed")
+    found = _heard(args, lambda _: plan_poses(mechanism, **options), "choose poses")
     if args.out is not None:
         brings = [("", list(found.advice)), *found.brings()]
         shown = found.mechanism, found.length_unit, found.csv(), brings, found.poses
         page = f"{poses_html(*shown)}<!-- {MARK} -->\n"
         files = {args.out.name: found.csv(), args.out.with_suffix(".html").name: page}
         write_folder(args.out.parent, files, force=args.force)
-    if args.json:
-        head = {"format": "rsicalib.plan/1", "version": _core.__version__}
-        emit(to_json({**head, **found.to_dict()}))
-    elif not args.quiet:
-        say(found.text().removesuffix("\n"))
-    return 0
+    return _told(args, _document("rsicalib.plan/1", found), found.text())
 
 
 def guide(args: Args) -> int:
@@ -227,49 +192,26 @@ def guide(args: Args) -> int:
             if args.host not in LOCAL:
                 print(square(url), file=sys.stderr, flush=True)
 
-    found = take_session(
-        args.out,
-        args.mechanism,
-        rest=args.rest,
-        target=args.target,
-        source=args.source,
-        drive=args.drive,
-        labels=args.labels,
-        resume=args.resume,
-        port=args.port,
-        host=args.host,
-        browser=not args.no_browser,
-        samples=args.samples,
-        seconds=args.seconds,
-        seed=args.seed,
-        quiet=args.quiet,
-        told=told,
-    )
+    names = "out mechanism rest target source drive labels resume port host samples seconds seed"
+    options = _of(args, f"{names} quiet")
+    found = take_session(**options, browser=not args.no_browser, told=told)
     if found is None:
         raise UndeterminedError("the poses so far do not determine the calibration")
-    if args.json:
-        emit(found.to_json())
-    elif not args.quiet:
-        say(found.summary(width=columns_of(sys.stdout)))
-    return found.exit_code
+    summary = found.summary(width=columns_of(sys.stdout))
+    return _told(args, found.to_json(), summary, found.exit_code)
 
 
 def fleet(args: Args) -> int:
     """Many devices: a row of results each, and a page with those that stand out."""
     from rsicalib.fleets.run import fleet as calibrate_fleet
 
-    names = "mechanism out by levels terms closures noise trace held_out workers dask resume "
-    names += "population time_limit"
-    options = {name: getattr(args, name) for name in names.split()}
+    names = "mechanism out by levels terms closures noise trace held_out workers dask resume"
+    options = _of(args, f"{names} population time_limit")
     options |= {} if args.reports is None else {"reports": args.reports}
     with progress_of(args) or contextlib.nullcontext() as line:
         told = None if line is None else line.counted
         found = calibrate_fleet(args.dataset, **options, progress=told)
-    if args.json:
-        emit(to_json(found.to_dict()))
-    elif not args.quiet:
-        say(found.text().removesuffix("\n"))
-    return found.exit_code
+    return _told(args, to_json(found.to_dict()), found.text(), found.exit_code)
 
 
 def suppose(args: Args) -> int:
@@ -277,38 +219,23 @@ def suppose(args: Args) -> int:
     from rsicalib.planning.supposing import suppose as suppose_effect
 
     names = "mechanism rest closures noise calibration skip_bad_rows"
-    options = {"model": args.terms, **{name: getattr(args, name) for name in names.split()}}
+    options = {"model": args.terms, **_of(args, names)}
     found = _heard(args, lambda _: suppose_effect(args.readings, args.term, **options))
     if args.out is not None:
         page = {args.out.name: f"{found.report()}<!-- {MARK} -->\n"}
         write_folder(args.out.parent, page, force=args.force)
-    if args.json:
-        head = {"format": "rsicalib.supposition/1", "version": _core.__version__}
-        emit(to_json({**head, **found.to_dict()}))
-    elif not args.quiet:
-        say(found.text().removesuffix("\n"))
-    return 0
+    return _told(args, _document("rsicalib.supposition/1", found), found.text())
 
 
 def certify(args: Args) -> int:
     """Whether the largest error is within a limit: decision, budget, what would decide it."""
     from rsicalib.verbs.certifying import certify as certify_result
 
-    options = {name: getattr(args, name) for name in ("limit", "confidence", "at")}
-    what = "draw the largest error"
-    found = _heard(args, lambda _: certify_result(args.result, args.mechanism, **options), what)
-    head = {"format": "rsicalib.certificate/1", "version": _core.__version__}
-    document = to_json({**head, **found.to_dict()})
-    if args.out is not None:
-        text = f"{found.text()}\n{MARK} {_core.__version__}\n"
-        page = f"{found.report()}<!-- {MARK} -->\n"
-        files = {"certificate.json": document, "certificate.txt": text, "certificate.html": page}
-        write_folder(args.out, files, force=args.force)
-    if args.json:
-        emit(document)
-    elif not args.quiet:
-        say(found.text().removesuffix("\n"))
-    return found.exit_code
+    options, what = _of(args, "mechanism limit confidence at"), "draw the largest error"
+    found = _heard(args, lambda _: certify_result(args.result, **options), what)
+    document = _document("rsicalib.certificate/1", found)
+    _sheets(args, "certificate", document, found.text(), found.report)
+    return _told(args, document, found.text(), found.exit_code)
 
 
 def paper(args: Args) -> int:
@@ -319,37 +246,20 @@ def paper(args: Args) -> int:
     with progress_of(args) or contextlib.nullcontext() as line:
         told = None if line is None else line.counted
         found = compute_paper(args.trials, seed=args.seed, progress=told, workers=args.workers)
-    if args.out is not None:
-        text = f"{found.text()}\n{MARK} {_core.__version__}\n"
-        page = f"{html(found)}<!-- {MARK} -->\n"
-        files = {"paper.json": to_json(found.to_dict()), "paper.txt": text, "paper.html": page}
-        write_folder(args.out, files, force=args.force)
-    if args.json:
-        emit(to_json(found.to_dict()))
-    elif not args.quiet:
-        say(found.text().removesuffix("\n"))
-    return 0
+    document = to_json(found.to_dict())
+    _sheets(args, "paper", document, found.text(), lambda: html(found))
+    return _told(args, document, found.text())
 
 
 def history(args: Args) -> int:
     """Parameters of one device against date."""
     from rsicalib.verbs.lifetime import history as history_of
 
-    options = {"device": args.device, "target": args.target}
-    what = "read the results"
+    options, what = _of(args, "device target"), "read the results"
     found = _heard(args, lambda _: history_of(args.folder, args.mechanism, **options), what)
-    if args.out is not None:
-        text = f"{found.text()}\n{MARK} {_core.__version__}\n"
-        page = f"{found.page()}<!-- {MARK} -->\n"
-        files = {"history.json": found.to_json(), "history.txt": text, "history.html": page}
-        write_folder(args.out, files, force=args.force)
-    if args.json:
-        emit(found.to_json())
-    elif not args.quiet:
-        say(found.text())
-        if args.out is not None:
-            say(f"\n{args.out / 'history.html'}")
-    return 0
+    _sheets(args, "history", found.to_json(), found.text(), found.page)
+    where = "" if args.out is None else f"\n\n{args.out / 'history.html'}"
+    return _told(args, found.to_json(), found.text() + where)
 
 
 def watch(args: Args) -> int:
@@ -358,7 +268,7 @@ def watch(args: Args) -> int:
     from rsicalib.verbs.monitor import Watching
     from rsicalib.verbs.monitor import watch as watch_device
 
-    chosen = {name: getattr(args, name) for name in ("false_alarms", "state", "follow")}
+    chosen = _of(args, "false_alarms state follow")
     given = (args.readings, args.calibration, args.mechanism)
     many = os.path.isdir(args.calibration)
     watching: Watching | WatchingDevices
@@ -481,4 +391,32 @@ def _session(args: Args) -> dict[str, Any]:
     """Options that `calibrate` and `trace` share, by the names they have in Python."""
     names = """mechanism rest check check_point check_noise check_noise_angle terms closures noise
         calibration population align fit_groups hold_out_groups skip_bad_rows device note date"""
+    return _of(args, names)
+
+
+def _of(args: Args, names: str) -> dict[str, Any]:
+    """Options by the names that they have in Python."""
     return {name: getattr(args, name) for name in names.split()}
+
+
+def _document(form: str, found: Record) -> str:
+    """A record as a document of this format."""
+    head = {"format": form, "version": _core.__version__}
+    return to_json({**head, **found.to_dict()})
+
+
+def _sheets(args: Args, stem: str, document: str, text: str, page: Callable[[], str]) -> None:
+    """Write the document, its text and its page, where a folder is asked for."""
+    if args.out is not None:
+        files = {f"{stem}.json": document, f"{stem}.txt": f"{text}\n{MARK} {_core.__version__}\n"}
+        files[f"{stem}.html"] = f"{page()}<!-- {MARK} -->\n"
+        write_folder(args.out, files, force=args.force)
+
+
+def _told(args: Args, document: str, text: str, code: int = 0) -> int:
+    """Print the document with --json, the text unless --quiet; the exit code."""
+    if args.json:
+        emit(document)
+    elif not args.quiet:
+        say(text.removesuffix("\n"))
+    return code
