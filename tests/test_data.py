@@ -538,11 +538,10 @@ def test_a_write_that_fails_leaves_nothing_behind(tmp_path, monkeypatch):
     readings = Readings.from_arrays(RSI, session()[0])
     (tmp_path / "out.csv").write_text("before")
 
-    def interrupted(self, file, *, whole=False):
-        file.write("half")
+    def interrupted(self, target):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Readings, "_write", interrupted)
+    monkeypatch.setattr(Path, "replace", interrupted)  # the text is written, and not yet there
     with pytest.raises(KeyboardInterrupt):
         readings.to_csv(tmp_path / "out.csv")
     assert [entry.name for entry in tmp_path.iterdir()] == ["out.csv"]

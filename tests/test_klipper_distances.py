@@ -16,6 +16,7 @@ from tests.test_imports import PRINTER
 
 ARM, RADIUS, STOP, STEP = 340.0, 172.0, 332.99, 60 / 6400
 BEARING = np.deg2rad([211.5, 330.0, 90.0])
+TERMS = ["offset", "link_length@each/1", *(f"distance@arm {t}" for t in "abc")]
 CALIPER, TOUCH = 0.05, 0.03
 HEIGHTS = sized(15, 30)
 FURTHER, LONGER, STOPS = 0.8, 0.6, np.array([-0.7, 0.4, 0.9])
@@ -79,8 +80,7 @@ def six(tmp_path_factory: pytest.TempPathFactory) -> tuple[rsicalib.Log, Any]:
 def read(path: Path, pairs: int) -> tuple[rsicalib.Log, rsicalib.CalibrationResult]:
     path.write_text(printer(np.random.default_rng(5), pairs), encoding="utf-8")
     log = rsicalib.import_log(path)
-    terms = ["offset", "link_length@each/1", *(f"distance@arm {t}" for t in "abc")]
-    return log, rsicalib.calibrate(path, terms=terms)
+    return log, rsicalib.calibrate(path, terms=TERMS)
 
 
 def test_distances_are_pairs_of_rows_on_no_bed(six: tuple[rsicalib.Log, Any]) -> None:
@@ -95,6 +95,23 @@ def test_distances_are_pairs_of_rows_on_no_bed(six: tuple[rsicalib.Log, Any]) ->
         if truth is not None:
             assert p.sd is not None
             assert abs(p.value - truth) < 5 * p.sd, p
+
+
+def test_the_files_of_an_import_are_read_as_the_log_is(
+    six: tuple[rsicalib.Log, Any], tmp_path: Path
+) -> None:
+    """A row without a height has an empty cell, not the word `nan`, which is no number."""
+    log, found = six
+    log.save(tmp_path / "log")
+    (heights,) = [k for k, name in enumerate(log.sessions[0].columns) if name == "height"]
+    rows = (tmp_path / "log" / "readings.csv").read_text(encoding="utf-8").splitlines()[1:]
+    assert [row.split(",")[heights] for row in rows[HEIGHTS:]] == [""] * 12
+    again = rsicalib.calibrate(
+        tmp_path / "log" / "readings.csv", tmp_path / "log" / "mechanism.toml", terms=TERMS
+    )
+    assert [(p.key, p.value) for p in again.parameters] == [
+        (p.key, p.value) for p in found.parameters
+    ]
 
 
 def test_distances_tell_what_a_bed_alone_does_not(

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
 
-import numpy as np
 import numpy.typing as npt
 
 from rsicalib import _core
@@ -18,6 +15,7 @@ from rsicalib.arrays import Alike, IntArray
 from rsicalib.facts.records import to_json
 from rsicalib.facts.warned import Warned
 from rsicalib.io.cells import MechanismLike
+from rsicalib.io.csv_text import csv_of
 from rsicalib.io.folders import IMPORT, MARK, OF_LOG, Sealed
 from rsicalib.io.readings import Readings, readings_of_table
 from rsicalib.io.tables import Table
@@ -57,11 +55,7 @@ class Session(Alike):
 
     def csv(self) -> str:
         """The text of a file of readings."""
-        file = io.StringIO()
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(self.columns)
-        writer.writerows(zip(*map(_written, self.columns.values()), strict=True))
-        return file.getvalue()
+        return csv_of(self.columns)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -181,10 +175,3 @@ class Log(Alike, Told, Sealed):
 
     def __repr__(self) -> str:
         return f"<Log {self.source!r}: {self.format}, {len(self.sessions)} sessions>"
-
-
-def _written(cells: Column) -> Sequence[str]:
-    """Text as it is; the shortest text that is read back as the same number."""
-    if not isinstance(cells, np.ndarray):
-        return cells
-    return [repr(v).removesuffix(".0") for v in cells.tolist()]

@@ -1,5 +1,7 @@
 """CSV text as rows of cells: where the header is, what parts cells, how decimals are written.
 
+What is written has a comma between cells, and is read back unchanged.
+
 A comma parts cells and a point stands before decimals. A file whose header has no comma, but
 semicolons or tabs, is read as such, with decimal commas where its numbers leave no doubt.
 """
@@ -8,9 +10,13 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from rsicalib.errors import InputError
 
@@ -40,6 +46,22 @@ class CsvText:
     rows: list[list[str]]
     lines: list[int]
     decimal: str
+
+
+def csv_of(columns: Mapping[str, Sequence[Any] | np.ndarray[Any, Any]]) -> str:
+    """A file with these columns, by their names: numbers in arrays, text elsewhere."""
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*map(_written, columns.values()), strict=True))
+    return file.getvalue()
+
+
+def _written(cells: Sequence[Any] | np.ndarray[Any, Any]) -> Sequence[Any]:
+    """Text as it is; shortest text that is read back as the same number; empty for NaN."""
+    if not isinstance(cells, np.ndarray):
+        return cells
+    return ["" if math.isnan(v) else repr(v).removesuffix(".0") for v in cells.tolist()]
 
 
 def read_csv_text(content: str, source: str) -> CsvText:

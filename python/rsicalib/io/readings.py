@@ -6,9 +6,6 @@ What is suspicious but usable becomes a warning (`rsicalib.io.suspicions`).
 
 from __future__ import annotations
 
-import csv
-import io
-import math
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -29,7 +26,8 @@ from rsicalib.io.cells import (
     read_cells,
     read_header,
 )
-from rsicalib.io.files import whole_file
+from rsicalib.io.csv_text import csv_of
+from rsicalib.io.files import write_text
 from rsicalib.io.frames import TableArg, table_in_memory
 from rsicalib.io.order import check_poses_are_together, time_goes_back
 from rsicalib.io.repeats import numbered
@@ -204,23 +202,15 @@ class Readings(Samples, Tabular):
             Write the rows of the session that `select` has left out as well, with 0 in a column
             `used`: what these readings have from them is read back, too.
         """
-        if not isinstance(path_or_file, str | os.PathLike):
-            return self._write(path_or_file, whole=whole)
-        with whole_file(path_or_file) as file:
-            self._write(file, whole=whole)
+        text = csv_of(self._whole_table() if whole else self._table())
+        if isinstance(path_or_file, str | os.PathLike):
+            write_text(path_or_file, text)
+        else:
+            path_or_file.write(text)
 
     def csv(self) -> str:
         """The text of the file that `to_csv` writes."""
-        file = io.StringIO()
-        self._write(file)
-        return file.getvalue()
-
-    def _write(self, file: TextIO, *, whole: bool = False) -> None:
-        columns = self._whole_table() if whole else self._table()
-        table = {name: _written(cells) for name, cells in columns.items()}
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(table)
-        writer.writerows(zip(*table.values(), strict=True))
+        return csv_of(self._table())
 
     def _table(self) -> dict[str, Any]:
         """The columns of the file, in their order."""
@@ -404,10 +394,3 @@ def _skipped(table: Table, faults: dict[int, Fault], skip_bad_rows: bool) -> tup
         )
         for i, fault in sorted(faults.items())
     )
-
-
-def _written(cells: Sequence[Any]) -> Sequence[str]:
-    """Text as it is; shortest text that is read back as the same number; empty for NaN."""
-    if not isinstance(cells, np.ndarray):
-        return cells
-    return ["" if math.isnan(v) else repr(v).removesuffix(".0") for v in cells.tolist()]

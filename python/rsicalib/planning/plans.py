@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
+from collections.abc import Sequence
 from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ from rsicalib.arrays import Alike, FloatArray
 from rsicalib.facts.records import IF_KNOWN, OMIT, Record
 from rsicalib.facts.shapes import Rms
 from rsicalib.io.cells import POSE
+from rsicalib.io.csv_text import csv_of
 from rsicalib.io.files import write_text
 from rsicalib.plain_text import counted
 from rsicalib.plots import on_axes, scatter
@@ -170,17 +170,10 @@ class Plan(Alike, Tabular, Record, eq=False, repr=False):
 
     def csv(self) -> str:
         """The poses as CSV: pose, x … rz (without a platform group, at), channels, why."""
-        place = POSE if len(self.poses) else tuple(self.keys)
-        file = io.StringIO()
-        write = csv.writer(file, lineterminator="\n").writerow
-        write(("pose", *place, *self.channels, "why"))
-        for k, (reading, why) in enumerate(zip(self.readings, self.why, strict=True)):
-            if len(self.poses):
-                at = [f"{v:.4f}" for v in self.poses[k]]
-            else:
-                at = [column[k] for column in self.keys.values()]
-            write((self.first + k, *at, *(f"{v:.6g}" for v in reading), why))
-        return file.getvalue()
+        number = range(self.first, self.first + len(self.why))
+        place = _cells(POSE, self.poses, ".4f") if len(self.poses) else self.keys
+        cells = _cells(self.channels, self.readings, ".6g")
+        return csv_of({"pose": number, **place, **cells, "why": self.why})
 
     def save(self, path: PathLike) -> None:
         """Write the poses as CSV.
@@ -228,6 +221,12 @@ class Plan(Alike, Tabular, Record, eq=False, repr=False):
             return f"{place} {' ' * (len(self.length_unit) + 2)} {turn}   "
         keys = ", ".join(column[k] for column in self.keys.values())
         return f"{keys}: {' '.join(f'{v:.5g}' for v in self.readings[k])}"
+
+
+def _cells(names: Sequence[str], values: FloatArray, digits: str) -> dict[str, list[str]]:
+    """Columns of a table by name, written with so many digits."""
+    columns = zip(names, np.reshape(values, (-1, len(names))).T, strict=True)
+    return {name: [format(v, digits) for v in column] for name, column in columns}
 
 
 def _bound_lines(bound: Bound, before: Bound | None) -> tuple[str, list[str]]:
