@@ -608,7 +608,7 @@ def test_what_is_no_parquet_is_refused(write):
 
 def test_without_pyarrow_a_parquet_file_says_what_to_install(write, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    assert "pip install rsicalib[parquet]" in refusal(write(b"PAR1", "run.parquet")).message
+    assert "pip install 'rsicalib[parquet]'" in refusal(write(b"PAR1", "run.parquet")).message
 
 
 def test_a_hundred_thousand_rows_load(write):

@@ -12,8 +12,8 @@ import pytest
 import rsicalib
 from rsicalib import InputError
 from rsicalib._core import still_stretches
-from rsicalib.imports.extras import EXTRAS
 from rsicalib.imports.kinds import format_of
+from rsicalib.io.extras import EXTRAS
 from tests.commands import run_text
 
 # ------------------------------------------------------------------ Maslow4

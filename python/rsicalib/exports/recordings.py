@@ -11,8 +11,8 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.exports.ask import Ask
 from rsicalib.exports.coordinates import coordinates, sensor_terms, unit_of
-from rsicalib.imports.extras import needed
 from rsicalib.imports.log import Session
+from rsicalib.io.extras import needed
 from rsicalib.io.readings import Readings
 from rsicalib.work.closing import warn_of_open_loops
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ import numpy as np
 
 from rsicalib.errors import InputError
 from rsicalib.fleets.frames import Runs, joined, runs_of, select
+from rsicalib.io.extras import parquet_modules
 from rsicalib.io.frames import Columns, columns_of
 from rsicalib.io.tables import PARQUET, Table, chunks, read_table, text
 from rsicalib.plain_text import encodable
@@ -118,7 +118,7 @@ def _together(places: Iterable[tuple[str, int]], columns: list[str] | None = Non
     """Rows of some row groups."""
     groups = []
     for file, group in places:
-        _, parquet = pyarrow_modules(file)
+        _, parquet = parquet_modules(file)
         groups.append(parquet.ParquetFile(file).read_row_group(group, columns=columns))
     return joined([columns_of(group) for group in groups])
 
@@ -380,21 +380,6 @@ class Dataset:
         return select(self.rest, (run for label in labels for run in rows.get(label, [])))
 
 
-def pyarrow_modules(source: str) -> tuple[Any, Any]:
-    """The modules `pyarrow` and `pyarrow.parquet`.
-
-    Raises
-    ------
-    InputError
-        They are not installed.
-    """
-    try:
-        return importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
-    except ImportError:
-        hint = "Install it with: pip install rsicalib[parquet]"
-        raise InputError.at(source, "no pyarrow", "pyarrow for Parquet", hint=hint) from None
-
-
 @dataclass(frozen=True)
 class _Group:
     """A row group, and the least and the greatest label in it."""
@@ -432,7 +417,7 @@ def _bounds(files: Sequence[Path], by: str) -> list[_Group] | None:
 @contextmanager
 def _opened(file: Path, by: str) -> Iterator[Any]:
     """A Parquet file that has the column of the device."""
-    pyarrow, parquet = pyarrow_modules(str(file))
+    pyarrow, parquet = parquet_modules(str(file))
     try:
         opened = parquet.ParquetFile(file)
         if by not in opened.schema_arrow.names:
@@ -465,7 +450,7 @@ def _ends(
 
 def _row_groups(files: Sequence[Path], by: str) -> Iterator[tuple[Columns, dict[Any, int]]]:
     """Rows of each row group, and the number of the last row group of every device."""
-    _, parquet = pyarrow_modules(str(files[0]))
+    _, parquet = parquet_modules(str(files[0]))
     places, _, last = _ends(files, by)
     for file, group in places:
         yield columns_of(parquet.ParquetFile(file).read_row_group(group)), last

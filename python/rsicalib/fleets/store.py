@@ -15,8 +15,8 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import to_json
-from rsicalib.fleets.dataset import pyarrow_modules
 from rsicalib.fleets.frames import TEXT, Rows
+from rsicalib.io.extras import parquet_modules
 from rsicalib.io.files import write_text
 from rsicalib.io.sources import read_json
 
@@ -98,7 +98,7 @@ class Parts:
 
 def write_rows(path: Path, rows: Rows, by: str, texts: Sequence[str] = TEXT) -> None:
     """Write results as a Parquet file that takes its place when it is whole."""
-    arrow, parquet = pyarrow_modules(str(path))
+    arrow, parquet = parquet_modules(str(path))
     kinds = {name: arrow.string() if name in texts else arrow.float64() for name in rows}
     kinds[by] = None
     columns = {n: arrow.array(cells, kinds[n], from_pandas=True) for n, cells in rows.items()}
@@ -140,7 +140,7 @@ class Store:
         texts = (*TEXT, *self.run.get("levels", ()))
         self.parts = Parts(inside, by, f"{secrets.token_hex(8)}.run", texts)
         self.table = folder / "fleet.parquet"
-        self.arrow, self.parquet = pyarrow_modules(str(self.table))
+        self.arrow, self.parquet = parquet_modules(str(self.table))
         self.number = 0
         self.resumed = False
 

@@ -11,10 +11,10 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked
-from rsicalib.imports.extras import needed, read_by
 from rsicalib.imports.log import Log
 from rsicalib.imports.stretches import Recording
 from rsicalib.imports.teleop import FOLLOWER, LEADER, Teleop
+from rsicalib.io.extras import needed, read_by
 
 ARM = "waist shoulder elbow forearm_roll wrist_angle wrist_rotate gripper"
 """Joints of one arm, in the order of the file."""

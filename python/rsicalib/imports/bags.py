@@ -17,7 +17,7 @@ from types import SimpleNamespace
 from typing import Any, Protocol
 
 from rsicalib.errors import InputError
-from rsicalib.imports.extras import needed
+from rsicalib.io.extras import needed
 
 STATE = "sensor_msgs/msg/JointState"
 

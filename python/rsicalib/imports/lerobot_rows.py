@@ -10,7 +10,7 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
-from rsicalib.imports.extras import needed, read_by
+from rsicalib.io.extras import needed, read_by
 
 Rows = tuple[int, dict[str, list[Any]], IntArray]
 """Number of an episode, its columns, and where its rows stand in their files."""

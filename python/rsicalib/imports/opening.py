@@ -9,9 +9,9 @@ from typing import Any
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked
-from rsicalib.imports.extras import wrapped
 from rsicalib.imports.kinds import KINDS, format_of, is_table, whole_of
 from rsicalib.imports.log import Log
+from rsicalib.io.extras import wrapped
 from rsicalib.options import checked
 from rsicalib.plain_text import meant
 

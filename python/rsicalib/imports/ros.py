@@ -19,9 +19,9 @@ from rsicalib.imports.asked import HOLD, Asked, chosen
 from rsicalib.imports.bags import STATE, Bag, open_bag
 from rsicalib.imports.columns import whole_rows
 from rsicalib.imports.condition import Condition
-from rsicalib.imports.extras import read_by
 from rsicalib.imports.log import Log
 from rsicalib.imports.stretches import Recording, session_of
+from rsicalib.io.extras import read_by
 
 Message = tuple[int | None, Any]
 """Time of receipt [ns], where it is known, and the message."""

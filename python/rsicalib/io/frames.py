@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, TypeAlias, TypeGuard
 
@@ -11,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib.errors import InputError, InputTypeError
+from rsicalib.io.extras import needed
 from rsicalib.io.tables import Table, table_of_arrays
 
 Cells: TypeAlias = Sequence[Any] | npt.NDArray[Any]
@@ -195,16 +195,10 @@ def _with_index(frame: Any) -> Any:
 
 
 def _as_arrow(frame: Any) -> Any:
-    try:
-        # By name: an optional dependency, and its typing differs between versions.
-        pyarrow: Any = importlib.import_module("pyarrow")
-        interchange: Any = importlib.import_module("pyarrow.interchange")
-    except ImportError:
-        hint = "Install it with: pip install rsicalib[parquet]"
-        found = f"a {type(frame).__name__}, and no pyarrow to read it"
-        raise InputError.at(SOURCE, found, "pyarrow", hint=hint) from None
-    arrow = hasattr(frame, "__arrow_c_stream__")
-    return pyarrow.table(frame) if arrow else interchange.from_dataframe(frame)
+    what = f"a {type(frame).__name__}"
+    if hasattr(frame, "__arrow_c_stream__"):
+        return needed("pyarrow", SOURCE, what).table(frame)
+    return needed("pyarrow.interchange", SOURCE, what).from_dataframe(frame)
 
 
 def _arrow(column: Any) -> Any:

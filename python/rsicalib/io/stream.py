@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import importlib
 import itertools
 import os
 import sys
@@ -22,6 +21,7 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
+from rsicalib.io.extras import parquet_modules
 from rsicalib.io.messages import documents, is_message, message_of, positions_of
 from rsicalib.io.sources import LONGEST_LINE
 from rsicalib.io.tables import PARQUET
@@ -241,11 +241,7 @@ def _cells(line: bytes, wanted: list[int]) -> list[float]:
 
 
 def _parquet(name: str, channels: Sequence[str], device: bool) -> Iterator[Rows]:
-    try:
-        parquet = importlib.import_module("pyarrow.parquet")
-    except ImportError:
-        expected = "pyarrow, which `pip install 'rsicalib[parquet]'` brings"
-        raise InputError.at(name, "a Parquet file", expected) from None
+    _, parquet = parquet_modules(name)
     try:
         file: Any = parquet.ParquetFile(name)
     except (OSError, ValueError) as error:

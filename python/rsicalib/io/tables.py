@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
 import io
 import math
 import os
@@ -22,6 +21,7 @@ from rsicalib import _core
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 from rsicalib.io.csv_text import read_csv_text
+from rsicalib.io.extras import parquet_modules
 from rsicalib.io.sources import decoded, read_bytes, refuse_larger, unpacked
 
 PARQUET = {".parquet", ".pq"}
@@ -255,14 +255,7 @@ def _misfit(row: list[str], names: list[str]) -> Ragged:
 
 
 def _read_parquet(data: bytes, source: str, sha256: str) -> Table:
-    try:
-        # By name: an optional dependency, and its typing differs between versions.
-        pyarrow: Any = importlib.import_module("pyarrow")
-        parquet: Any = importlib.import_module("pyarrow.parquet")
-    except ImportError:
-        hint = "Install it with: pip install rsicalib[parquet]"
-        found = "a Parquet file, and no pyarrow to read it"
-        raise InputError.at(source, found, "pyarrow", hint=hint) from None
+    pyarrow, parquet = parquet_modules(source)
     try:
         file = parquet.ParquetFile(io.BytesIO(data))
         # A column that repeats one number takes no room in the file.

@@ -71,6 +71,11 @@ def needed(module: str, source: str, what: str) -> Any:
         raise InputError.at(source, found, name, hint=hint) from None
 
 
+def parquet_modules(source: str, what: str = "a Parquet file") -> tuple[Any, Any]:
+    """The modules `pyarrow` and `pyarrow.parquet`, as `needed` imports them."""
+    return needed("pyarrow", source, what), needed("pyarrow.parquet", source, what)
+
+
 @contextmanager
 def read_by(library: str, source: str, expected: str, hint: str = "") -> Iterator[None]:
     """Refuse a file at which a library fails: of damaged bytes it may raise whatever it likes.
