@@ -8,7 +8,9 @@ import os
 import re
 import shutil
 import subprocess
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -47,7 +49,6 @@ def look(page: str, probe: str, folder: Path, width: int = 1280, fonts: Path | N
     tuple
         The answer, and a list of messages.
     """
-    assert CHROMIUM is not None
     ask = f"""<pre id="answer"></pre><script>
     const answer = (() => {{ {probe} }})();
     document.getElementById("answer").textContent = JSON.stringify([answer, wrong]);
@@ -55,9 +56,7 @@ def look(page: str, probe: str, folder: Path, width: int = 1280, fonts: Path | N
     file = folder / f"page-{width}.html"
     # Errors are counted from the first script on; the probe is the last.
     file.write_text(page.replace("<head>", f"<head>{WATCH}", 1).replace("</body>", f"{ask}</body>"))
-    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
-    command += [f"--user-data-dir={folder / 'profile'}", f"--window-size={width},900"]
-    command += ["--dump-dom", file.as_uri()]
+    command = [*_browser(), f"--window-size={width},900", "--dump-dom", file.as_uri()]
     env = dict(os.environ)
     if fonts is not None:
         conf, cache = folder / "fonts.conf", folder / "fonts-cache"
@@ -73,12 +72,22 @@ def look(page: str, probe: str, folder: Path, width: int = 1280, fonts: Path | N
     return tuple(json.loads(html.unescape(found.group(1))))
 
 
+def _browser() -> list[str]:
+    """The browser with the profile of this process: a new one takes longer than a page."""
+    assert CHROMIUM is not None
+    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
+    return [*command, f"--user-data-dir={_profile().name}"]
+
+
+@cache
+def _profile() -> TemporaryDirectory[str]:
+    """A folder that goes with this process; pages of the package keep nothing in it."""
+    return TemporaryDirectory(prefix="profile", ignore_cleanup_errors=True)
+
+
 def sheets(page: Path) -> int:
     """Number of sheets that a page is printed on."""
-    assert CHROMIUM is not None
     printed = page.with_suffix(".pdf")
-    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
-    command += [f"--user-data-dir={page.parent / 'profile'}", "--no-pdf-header-footer"]
-    command += [f"--print-to-pdf={printed}", page.as_uri()]
+    command = [*_browser(), "--no-pdf-header-footer", f"--print-to-pdf={printed}", page.as_uri()]
     subprocess.run(command, capture_output=True, timeout=120, check=True)
     return len(re.findall(rb"/Type /Page\b", printed.read_bytes()))

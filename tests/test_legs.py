@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 import rsicalib
 from rsicalib import Mechanism
+from tests.full import sized
 from tests.oracle import Array
 
 LEGS = {"fl": (0.25, 0.06), "fr": (0.25, -0.06), "rl": (-0.25, 0.06), "rr": (-0.25, -0.06)}
@@ -114,7 +115,7 @@ def session(seed: int, built: Built, n: int = 60) -> tuple[Array, Mechanism]:
     return readings, drawn(measured)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(sized(3, 6)))
 def test_legs_on_a_floor_are_calibrated(seed: int) -> None:
     """Without (55) none of 40 did: χ² was up to a million times what noise leaves."""
     readings, mechanism = session(seed, Built())

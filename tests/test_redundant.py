@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 import rsicalib
 from rsicalib import Mechanism
 from rsicalib.io.readings import Readings
+from tests.full import sized
 from tests.oracle import Array
 
 NOISE = 3e-4
@@ -208,7 +209,7 @@ def spherical(seed: int, n: int = 48, samples: int = 4) -> tuple[Any, Mechanism]
     return rsicalib.Readings.from_arrays(mechanism, values, pose=pose), mechanism
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(sized(3, 6)))
 def test_a_spherical_mechanism_has_two_equations(seed: int) -> None:
     """The third made good samples of a clean session tens of standard deviations bad."""
     found = rsicalib.calibrate(*spherical(seed))

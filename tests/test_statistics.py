@@ -210,7 +210,7 @@ def named(found: _core.Fit) -> list[tuple[str, str]]:
     return [(w["kind"], w["target"]) for w in found.warnings]
 
 
-@pytest.mark.parametrize("channel", range(9))
+@pytest.mark.parametrize("channel", sized([0, 4, 8], range(9)))  # one of each arm and joint
 def test_a_reversed_channel_is_named_and_its_gain_found(channel: int) -> None:
     values, pose, rest = session(channel)
     straight = bench.estimates(fitted(values, pose, rest).to_dict())
@@ -239,7 +239,7 @@ def test_a_gap_within_the_range_of_motion_is_named() -> None:
     assert named(fitted(values, pose, rest)) == [("gap", "a12")]
 
 
-@pytest.mark.parametrize("channel", range(9))
+@pytest.mark.parametrize("channel", sized([0, 4, 8], range(9)))
 def test_a_stuck_channel_is_named(channel: int) -> None:
     values, pose, rest = session(40 + channel)
     values[20:, channel] = values[20, channel]
