@@ -38,7 +38,7 @@ class Choice:
     within: Within | None = None
     candidates: int | None = None
     off: FloatArray | None = None
-    here: FloatArray | None = None
+    from_: FloatArray | None = None
     way: float | None = None
     seed: int = 0
     target: float | None = None
@@ -46,17 +46,7 @@ class Choice:
     def options(self) -> dict[str, Any]:
         """As the core takes them."""
         within = None if self.within is None else [(float(a), float(b)) for a, b in self.within]
-        return {
-            "poses": self.poses,
-            "criterion": self.criterion,
-            "within": within,
-            "candidates": self.candidates,
-            "off": self.off,
-            "from_": self.here,
-            "way": self.way,
-            "seed": self.seed,
-            "target": self.target,
-        }
+        return {**vars(self), "within": within}
 
 
 class Sessions:
