@@ -14,7 +14,7 @@ import numbers
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import wraps
-from typing import Any, ParamSpec, Protocol, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -199,19 +199,7 @@ def parsed(name: str) -> Callable[[str], Any]:
     return read
 
 
-class Ranged(Protocol):
-    """What is asked of a channel."""
-
-    @property
-    def name(self) -> str:
-        """Column of the readings."""
-
-    @property
-    def range(self) -> tuple[float, float] | None:
-        """Least and greatest reading there can be."""
-
-
-def noise_of(value: Any, channels: Sequence[Ranged], name: str = "noise") -> float:
+def noise_of(value: Any, channels: Sequence[_core.Channel], name: str = "noise") -> float:
     """Standard deviation of a reading that each of some channels can have.
 
     Readings that are spread evenly over a whole range scatter by 1/√12 of it; more than that is

@@ -44,26 +44,6 @@ EXACT = 2.0**53
 """Beyond this not every integer is a float64, and two labels could become one."""
 
 
-class ChannelLike(Protocol):
-    """What is asked of a channel."""
-
-    @property
-    def name(self) -> str:
-        """Column of the readings."""
-
-    @property
-    def unit(self) -> str:
-        """`count` for the codes of a converter, else a physical unit."""
-
-    @property
-    def range(self) -> tuple[float, float] | None:
-        """Least and greatest reading there can be, both included."""
-
-    @property
-    def gain(self) -> float:
-        """Joint coordinate per unit of reading."""
-
-
 class MechanismLike(Protocol):
     """What is asked of a mechanism."""
 
@@ -72,7 +52,7 @@ class MechanismLike(Protocol):
         """What messages call it."""
 
     @property
-    def channels(self) -> Sequence[ChannelLike]:
+    def channels(self) -> Sequence[_core.Channel]:
         """In the order of `Readings.values`."""
 
     @property
@@ -259,7 +239,7 @@ def _closed_by_none(
 
 
 def _channel(
-    values: FloatArray, channel: ChannelLike
+    values: FloatArray, channel: _core.Channel
 ) -> tuple[FloatArray, npt.NDArray[np.bool_], str]:
     if channel.range is None:
         bad, expected = _too_large(values)
