@@ -22,16 +22,12 @@ class NoiseCell(Record):
     ----------
     offset, gain : Estimate
         Root mean square over the channels of one trial, mean over trials: rad, rad/reading.
-    offset_median, gain_median : float
-        The same with the median over trials, which a few bad sets of poses do not move.
     failed : int
         Trials that did not converge near the truth, left out.
     """
 
     offset: Estimate
     gain: Estimate
-    offset_median: float
-    gain_median: float
     failed: int
 
 
@@ -39,13 +35,7 @@ def _cell(errors: Sequence[FloatArray]) -> NoiseCell:
     every = np.concatenate(errors)
     good = np.isfinite(every).all(axis=1)
     kept = every[good]
-    return NoiseCell(
-        Estimate.of(kept[:, 0]),
-        Estimate.of(kept[:, 1]),
-        float(np.median(kept[:, 0])) if len(kept) else float("nan"),
-        float(np.median(kept[:, 1])) if len(kept) else float("nan"),
-        int((~good).sum()),
-    )
+    return NoiseCell(Estimate.of(kept[:, 0]), Estimate.of(kept[:, 1]), int((~good).sum()))
 
 
 def closed_loop_noise(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
+from rsicalib.arrays import FloatArray
 from rsicalib.reproduction.document import Cell, Row, Table
 from rsicalib.reproduction.noise import NoiseCell, closed_loop_noise, open_loop_noise
 from rsicalib.reproduction.study import Study
@@ -12,52 +14,34 @@ from rsicalib.reproduction.study import Study
 def table_ix(study: Study) -> tuple[Table, dict[str, float]]:
     """Table IX, and the errors of the offsets in its closed-loop cells by name."""
     printed = study.numbers["noise"]
+    levels = [(average, noise) for average in (2, 100) for noise in (0, 1, 2, 4)]
     rows, cells = [], {}
-    for average in (2, 100):
-        table = printed[f"closed_average_{average}"]
-        for noise in (0, 1, 2, 4):
-            name = f"closed {average} {noise}"
-            found = closed_loop_noise(
-                study.printed.nominal,
-                study.printed.closed_loop,
-                noise=noise,
-                average=average,
-                trials=study.trials,
-                seed=study.seed,
-                progress=study.told(f"Table IX, {name}"),
-                workers=study.workers,
-            )
-            cells[name] = found.offset.value
-            if noise or average == 2:
-                label = f"closed loop, average {average}, " + _level(noise)
-                rows.append(
-                    _noise_row(label, found, table["truncation" if not noise else str(noise)])
-                )
+
+    def cell(of: Callable[..., NoiseCell], poses: FloatArray, name: str, **how: Any) -> NoiseCell:
+        told = study.told(f"Table IX, {name}")
+        how |= {"trials": study.trials, "seed": study.seed, "workers": study.workers}
+        return of(study.printed.nominal, poses, progress=told, **how)
+
+    def row(kind: str, label: str, average: int, noise: int, found: NoiseCell) -> Row:
+        table = printed[f"{kind}_average_{average}"]
+        return _noise_row(label, found, table[str(noise) if noise else "truncation"])
+
+    for average, noise in levels:
+        name, poses = f"closed {average} {noise}", study.printed.closed_loop
+        found = cell(closed_loop_noise, poses, name, noise=noise, average=average)
+        cells[name] = found.offset.value
+        if noise or average == 2:
+            label = f"closed loop, average {average}, {_level(noise)}"
+            rows.append(row("closed", label, average, noise, found))
     angle = float(printed["open_loop_angle_noise_rad"])
-    for average in (2, 100):
-        table = printed[f"open_average_{average}"]
-        for noise in (0, 1, 2, 4):
-            if not noise and average == 100:
-                continue
-            for averaged in (True, False):
-                name = f"Table IX, open {average} {noise}"
-                found = open_loop_noise(
-                    study.printed.nominal,
-                    study.printed.fixture,
-                    noise=noise,
-                    average=average,
-                    angle_noise=angle,
-                    average_angles=averaged,
-                    trials=study.trials,
-                    seed=study.seed,
-                    progress=study.told(name),
-                    workers=study.workers,
-                )
-                how = "angles averaged" if averaged else "angles not averaged"
-                label = f"open loop, average {average}, {_level(noise)}, {how}"
-                rows.append(
-                    _noise_row(label, found, table["truncation" if not noise else str(noise)])
-                )
+    for average, noise in levels:
+        for averaged in (True, False) if noise or average == 2 else ():
+            how = {"angle_noise": angle, "average_angles": averaged}
+            name, poses = f"open {average} {noise}", study.printed.fixture
+            found = cell(open_loop_noise, poses, name, noise=noise, average=average, **how)
+            words = "angles averaged" if averaged else "angles not averaged"
+            label = f"open loop, average {average}, {_level(noise)}, {words}"
+            rows.append(row("open", label, average, noise, found))
     title = "noise and averaging: rms error of one calibration, mean over trials"
     columns = ("offsets [rad]", "gains [1e-3 rad/count]")
     notes = (
