@@ -51,26 +51,27 @@ SAID_ONCE = {
 }
 """Keys of many types: what the page says of each once, then what the types say of the same."""
 
+
+def _once(*names: str) -> dict[str, str]:
+    """What the page says of keys that many documents have."""
+    return {name: SAID_ONCE[name][0] for name in names}
+
+
 BY_HAND = {
     "rsicalib.poses/1": {
-        "format": SAID_ONCE["format"][0],
-        "version": SAID_ONCE["version"][0],
-        "mechanism": SAID_ONCE["mechanism"][0],
-        "length_unit": SAID_ONCE["length_unit"][0],
+        **_once("format", "version", "mechanism", "length_unit"),
         "columns": "`pose`, and `sample` and `time_s` where the readings have them; `beyond`, 1 "
         "where a free curve is held, beyond the readings at which it was seen, else 0; `x y z` "
         "[length unit] and `rx ry rz` [rad], or `ball.x ball.y ball.z` for each point that a chain "
         "carries; under a calibration their standard deviations `sd_…`. One list each.",
     },
     "rsicalib.terms/1": {
-        "format": SAID_ONCE["format"][0],
-        "version": SAID_ONCE["version"][0],
+        **_once("format", "version"),
         "terms": "A list: `id`, `class`, `doc`, `needs`, `parameters` (`name`, `unit`, `typical`) "
         "and `targets`.",
     },
     "rsicalib.import/1": {
-        "format": SAID_ONCE["format"][0],
-        "version": SAID_ONCE["version"][0],
+        **_once("format", "version"),
         "source": "The log, as it was given.",
         "kind": "What it is, in words.",
         "sha256": "Digest of what was read.",
@@ -80,14 +81,12 @@ BY_HAND = {
         "files": "SHA-256 of each file beside it, in `import.json`; not on standard output.",
     },
     "rsicalib.export/1": {
-        "format": SAID_ONCE["format"][0],
-        "version": SAID_ONCE["version"][0],
+        **_once("format", "version"),
         "to": "For whom: `maslow`, `klipper`, …",
         "files": "SHA-256 of each file beside it, in `export.json`.",
     },
     "rsicalib.fleet/1": {
-        "format": SAID_ONCE["format"][0],
-        "version": SAID_ONCE["version"][0],
+        **_once("format", "version"),
         "devices": "Number of devices.",
         "verdicts": "Number of devices by verdict; `refused` where there is none.",
         "summed": "The tests of fit of all devices together, null where they cannot be summed: "
@@ -107,10 +106,7 @@ BY_HAND = {
         "files": "Files that were written.",
     },
     "rsicalib.population/1": {
-        "format": SAID_ONCE["format"][0],
-        "version": SAID_ONCE["version"][0],
-        "mechanism": SAID_ONCE["mechanism"][0],
-        "length_unit": SAID_ONCE["length_unit"][0],
+        **_once("format", "version", "mechanism", "length_unit"),
         "terms": "Terms with a tolerance, which were estimated.",
         "centre": "Reading of each channel at which offsets are told apart from gains.",
         "devices": "Number of devices that take part.",
@@ -127,8 +123,7 @@ BY_HAND = {
         "outliers": "Devices unlike the others, which tell nothing of them.",
     },
     "rsicalib.truth/1": {
-        "format": SAID_ONCE["format"][0],
-        "version": SAID_ONCE["version"][0],
+        **_once("format", "version"),
         "files": "SHA-256 of each table beside it.",
         "simulator": "The program that made the device.",
         "mechanism": SAID_ONCE["mechanism"][0],

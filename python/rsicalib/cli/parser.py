@@ -388,7 +388,7 @@ def make_parser() -> argparse.ArgumentParser:
 
     sub = verb(of.export)
     sub.add_argument("result", metavar="RESULT", help="result.json of calibrate or trace")
-    words = "; ".join(f"{kind}: {words}" for kind, words in EXPORTS.items())
+    words = "; ".join(f"{kind}: {what}" for kind, (what, _) in EXPORTS.items())
     sub.add_argument("--to", choices=list(EXPORTS), required=True, help=words)
     _add_mechanism(sub)
     sub.add_argument("--readings", metavar="READINGS", help="to be corrected (csv, mcap)")

@@ -177,7 +177,7 @@ def plan(args: Args) -> int:
         page = f"{poses_html(*shown)}<!-- {MARK} -->\n"
         files = {args.out.name: found.csv(), args.out.with_suffix(".html").name: page}
         write_folder(args.out.parent, files, force=args.force)
-    return _told(args, _document("plan", found), found.text())
+    return _told(args, _document("rsicalib.plan/1", found), found.text())
 
 
 def guide(args: Args) -> int:
@@ -224,7 +224,7 @@ def suppose(args: Args) -> int:
     if args.out is not None:
         page = {args.out.name: f"{found.report()}<!-- {MARK} -->\n"}
         write_folder(args.out.parent, page, force=args.force)
-    return _told(args, _document("supposition", found), found.text())
+    return _told(args, _document("rsicalib.supposition/1", found), found.text())
 
 
 def certify(args: Args) -> int:
@@ -233,7 +233,7 @@ def certify(args: Args) -> int:
 
     options, what = _of(args, "mechanism limit confidence at"), "draw the largest error"
     found = _heard(args, lambda _: certify_result(args.result, **options), what)
-    document = _document("certificate", found)
+    document = _document("rsicalib.certificate/1", found)
     _sheets(args, "certificate", document, found.text(), found.report)
     return _told(args, document, found.text(), found.exit_code)
 
@@ -399,9 +399,9 @@ def _of(args: Args, names: str) -> dict[str, Any]:
     return {name: getattr(args, name) for name in names.split()}
 
 
-def _document(kind: str, found: Record) -> str:
-    """A record as the document of its kind."""
-    head = {"format": f"rsicalib.{kind}/1", "version": _core.__version__}
+def _document(form: str, found: Record) -> str:
+    """A record as a document of this format."""
+    head = {"format": form, "version": _core.__version__}
     return to_json({**head, **found.to_dict()})
 
 

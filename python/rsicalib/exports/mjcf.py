@@ -14,7 +14,7 @@ import numpy as np
 from rsicalib.errors import InputError
 from rsicalib.exports.ask import Ask
 from rsicalib.exports.coordinates import unit_of
-from rsicalib.io.rigid import Matrix, rigid, rotation
+from rsicalib.io.rigid import Matrix, rigid, rotation, row_motion
 
 
 def write(ask: Ask) -> dict[str, str]:
@@ -122,9 +122,7 @@ class _Writer:
 
 def _body(row: dict[str, Any]) -> Matrix:
     """What follows the joint of a row."""
-    shift = rigid((float(row.get("a") or 0.0), 0.0, float(row.get("d") or 0.0)))
-    own = rigid(row.get("xyz") or (0.0, 0.0, 0.0), row.get("rpy") or (0.0, 0.0, 0.0))
-    return shift @ rotation(0, float(row.get("alpha") or 0.0)) @ own
+    return row_motion({**row, "theta": 0.0})
 
 
 def _site(point: dict[str, Any], pad: str, before: Matrix | None = None) -> str:

@@ -24,18 +24,6 @@ from rsicalib.work.arguments import (
     open_mechanism,
 )
 
-WRITERS = {
-    "mjcf": ("mjcf", "write"),
-    "maslow": ("maslow", "write"),
-    "klipper": ("klipper", "write"),
-    "lerobot": ("lerobot", "write"),
-    "ros2": ("ros2", "write"),
-    "c": ("header", "write"),
-    "csv": ("recordings", "write_csv"),
-    "mcap": ("recordings", "write_mcap"),
-}
-"""Module and function that write a kind."""
-
 
 @options.checked
 def export_result(
@@ -85,7 +73,7 @@ def export_result(
             expected = "a mechanism file with a chain from URDF"
             raise InputError(f"mechanism: found {loaded.name!r} without URDF, expected {expected}")
         return dict(files)
-    module, function = WRITERS[to]
+    module, function = EXPORTS[to][1].split(".")
     writer: Any = importlib.import_module(f"rsicalib.exports.{module}")
     taken: Readings | None = None if readings is None else load(readings, loaded, False)
     found: dict[str, str | bytes] = getattr(writer, function)(Ask(result, mechanism, taken, base))

@@ -12,6 +12,7 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import RsicalibError
+from rsicalib.io.rigid import rigid
 from rsicalib.poses.devices import workspace
 from rsicalib.results.result import Trace
 from rsicalib.work.applying import as_applied
@@ -131,12 +132,7 @@ def _applied(mechanism: Mechanism, result: Trace | None) -> tuple[Mechanism, dic
 
 def turned(angles: Sequence[float] | FloatArray) -> FloatArray:
     """Matrix of the turns `rx ry rz` of eq. (1): `Rz Ry Rx`."""
-    (sx, sy, sz), (cx, cy, cz) = np.sin(angles), np.cos(angles)
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
-    about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
-    about_z = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
-    matrix: FloatArray = about_z @ about_y @ about_x
-    return matrix
+    return rigid((0.0, 0.0, 0.0), tuple(map(float, angles)))[:3, :3]
 
 
 def moves(now: FloatArray, want: FloatArray, near: FloatArray) -> list[dict[str, Any]]:

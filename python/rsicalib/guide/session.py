@@ -389,17 +389,18 @@ class Session:
         """Channels that do not change while others do."""
         if len(self._recent) < WATCHED:
             return []
-        spread = np.ptp(np.array(self._recent), axis=0) / self.spans
-        if np.sort(spread)[len(spread) // 2] < MOVED:
-            return []
-        return [c.name for c, s in zip(self.channels, spread, strict=True) if s == 0.0]
+        return self._constant(np.array(self._recent))
 
     def _dead(self) -> list[str]:
         """Channels that have read one and the same number in poses in which others differ."""
         if len(self.log.poses) < 2:
             return []
         every = np.array([s.values for samples in self.log.poses.values() for s in samples])
-        spread = np.ptp(every, axis=0) / self.spans
+        return self._constant(every)
+
+    def _constant(self, values: FloatArray) -> list[str]:
+        """Channels that have one number where half of the channels have moved."""
+        spread = np.ptp(values, axis=0) / self.spans
         if np.sort(spread)[len(spread) // 2] < MOVED:
             return []
         return [c.name for c, s in zip(self.channels, spread, strict=True) if s == 0.0]

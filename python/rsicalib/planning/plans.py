@@ -247,7 +247,8 @@ def _forecast_lines(forecast: Forecast, unit: str) -> tuple[str, list[str]]:
         lines.append(f"the right explanation is decided for in {forecast.decides:.0%}")
         lines.append(f"least λ {forecast.least_lambda:.3g} (12 is a decision, 25 a safe one)")
     if forecast.platform_sd is not None:
-        before, after = (_size(s, unit) for s in _ends(forecast.platform_sd))
+        sd = forecast.platform_sd
+        before, after = _size(sd.before, unit), _size(sd.after, unit)
         lines.append(f"standard deviation of the platform {before} → {after}")
     hidden = forecast.worst_hidden
     if hidden.before is not None and hidden.after is not None:
@@ -257,10 +258,6 @@ def _forecast_lines(forecast: Forecast, unit: str) -> tuple[str, list[str]]:
         ]
         lines.append(f"the worst that could hide: {words[0]} → {words[1]}")
     return "to be expected with these poses", lines
-
-
-def _ends(spread: Spread) -> tuple[Rms, Rms]:
-    return spread.before, spread.after
 
 
 def _size(rms: Rms, unit: str) -> str:

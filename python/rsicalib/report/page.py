@@ -24,6 +24,7 @@ from rsicalib.report.words import (
     OPEN,
     advice,
     between_words,
+    capital,
     comparison,
     elsewhere_words,
     excluded_words,
@@ -408,15 +409,15 @@ def _found(result: TraceShape, evidence: Evidence | None) -> str:
     for k, step in enumerate(result.steps):
         parts.append(f"<h3>{whole(escape(f'{subject(step)}: {size_words(step)}'))}</h3>")
         parts.append(_said(_cost(step, result.length_unit)))
-        parts += [] if step.applied else [f"<p>{_capital(not_applied(result))}.</p>"]
+        parts += [] if step.applied else [f"<p>{capital(not_applied(result))}.</p>"]
         parts.append(pictures(effect_figures(step, evidence, k)))
     if words := elsewhere_words(result):
-        parts.append(_said(f"{_capital(words)}."))
+        parts.append(_said(f"{capital(words)}."))
     if result.unexplained is not None:
         left = result.unexplained
         p = "" if left.p_value is None else f" ({p_is(left.p_value)})"
         told = f"What is left{place_words(result)} is described under “What to do next”"
-        said = told if result.verdict in OPEN else _capital(left.text).rstrip(".")
+        said = told if result.verdict in OPEN else capital(left.text).rstrip(".")
         parts.append(_said(f"{said}{p}."))
     if evidence is not None and not result.steps:
         drawn = scores_figure(evidence.left, "left-scores")
@@ -484,12 +485,8 @@ def _moved(result: ResultShape) -> str:
         if rows
         else "<p>No parameter moved beyond both uncertainties.</p>"
     )
-    update = "" if result.update is None else f"<p>{escape(_capital(result.update.text))}.</p>"
+    update = "" if result.update is None else f"<p>{escape(capital(result.update.text))}.</p>"
     return section("Against the earlier calibration", update, found)
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _parameters(result: ResultShape) -> str:

@@ -35,6 +35,7 @@ CourseKind: TypeAlias = Literal["still", "drift", "jump", "drift and jump"]
 DRIFTING: frozenset[CourseKind | None] = frozenset(("drift", "drift and jump"))
 """Kinds with a rate that is worth its price."""
 
+DAY_S = 86_400.0
 YEAR = 365.25
 """Days: rates are shown per year."""
 
@@ -386,7 +387,7 @@ def _sparklines(history: History) -> str:
     shown = history.parameters
     if not shown:
         return ""
-    days = [_days(date) for one in shown for date in one.valid_from]
+    days = [days_of(date) for one in shown for date in one.valid_from]
     first, last = min(days), max(max(days), min(days) + 1.0)
 
     def draw(width: float) -> str:
@@ -395,7 +396,7 @@ def _sparklines(history: History) -> str:
         x = Axis(first, last, left, width - 14.0)
         bottom = ROW * len(shown)
         for past in history.results:
-            at = x(_days(past.valid_from))
+            at = x(days_of(past.valid_from))
             canvas.line(at, 0.0, at, bottom, "grid")
         _events(canvas, history, x, bottom + 7.0)
         for k, one in enumerate(shown):
@@ -405,13 +406,13 @@ def _sparklines(history: History) -> str:
             y = Axis(-reach, reach, ROW * (k + 1) - 4.0, ROW * k + 4.0)
             canvas.text(left - 6.0, y(0.0) + 4.0, fitted(one.key, left - 8.0), anchor="end")
             canvas.rect(left, y(2.0), width - 14.0 - left, y(-2.0) - y(2.0), "noise")
-            along = [x(_days(date)) for date in one.valid_from]
+            along = [x(days_of(date)) for date in one.valid_from]
             canvas.path(list(zip(along, map(y, far), strict=True)), "law thin")
             for px, date, value, z in zip(along, one.valid_from, one.values, far, strict=True):
                 said = f"{one.key}, {date}: {value:g} {one.unit}, {z:+.1f} sd from the median"
                 canvas.dot(px, y(z), 2.2, "dot far" if abs(z) > FAR else "dot", said)
             for jump in one.jumps:
-                px = x(_days(jump.valid_from))
+                px = x(days_of(jump.valid_from))
                 canvas.line(px, ROW * k + 1.0, px, ROW * (k + 1) - 1.0, "law jump")
         for words, px, anchor in (
             (min(one.valid_from[0] for one in shown), left, "start"),
@@ -435,7 +436,7 @@ def _events(canvas: Canvas, history: History, x: Axis, y: float) -> None:
     """A ring for each result with a note or an effect, with its words where there is room."""
     told = [
         (
-            x(_days(past.valid_from)),
+            x(days_of(past.valid_from)),
             past.valid_from,
             ", ".join(filter(None, [past.note, *past.found])),
         )
@@ -459,7 +460,7 @@ def _events(canvas: Canvas, history: History, x: Axis, y: float) -> None:
 
 
 def _figure(one: Series) -> Figure:
-    days = [_days(date) for date in one.valid_from]
+    days = [days_of(date) for date in one.valid_from]
     since = [day - days[0] for day in days]
     half = [1.96 * sd for sd in one.sd]
     title = f"{one.term} of {one.target}"
@@ -480,8 +481,9 @@ def _figure(one: Series) -> Figure:
     return Figure(name, draw, f"{title}, with 95 % intervals.")
 
 
-def _days(date: str) -> float:
+def days_of(date: str) -> float:
+    """A date in days since 1970; in UTC where it says no zone."""
     when = datetime.datetime.fromisoformat(date)
     if when.tzinfo is None:
         when = when.replace(tzinfo=datetime.UTC)
-    return when.timestamp() / 86_400.0
+    return when.timestamp() / DAY_S

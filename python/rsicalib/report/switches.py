@@ -21,7 +21,13 @@ from rsicalib.report.hypotheses import (
 )
 from rsicalib.report.residuals import Dots, draw_residuals
 from rsicalib.report.scene import Scene
-from rsicalib.report.words import either_words, misclosure_unit, name_of, number, subject
+from rsicalib.report.words import (
+    either_words,
+    misclosure_unit,
+    number,
+    parameter_name,
+    subject,
+)
 from rsicalib.report.workspace import Shades
 
 WIDEST_SIGMA = 10.0
@@ -103,7 +109,7 @@ def switchboard_html(
         value, half = shown["parameters"].get(key_of(p), ("–", "–"))
         rows += (
             f"<tr{' hidden' * (value == '–')}><td>{escape(p.target)}</td>"
-            f"<td>{escape(_name(p.term, p.name))}</td>"
+            f"<td>{escape(parameter_name(p.term, p.name))}</td>"
             f'<td class="n">{escape(value)}</td>'
             f'<td class="n" data-value="{key}">{escape(value)}</td>'
             f'<td class="n" data-half="{key}">{escape(half)}</td><td>{escape(p.unit)}</td></tr>'
@@ -141,7 +147,3 @@ def switchboard_html(
         f"<tbody>{rows}</tbody></table></div></details>"
         f"{means}{data_element('switchboard-data', data)}"
     )
-
-
-def _name(term: str, name: str) -> str:
-    return name_of(term) if term == name else f"{name_of(term)} {name}"

@@ -256,7 +256,7 @@ def sentence(result: ResultShape) -> str:
         leave += " more than noise" if more else " no more than noise"
         if against:
             why = f"what was found does not hold elsewhere: {reason_words(result, against[0])}"
-            return f"Partly explained: {why}. {_capital(missing)} {leave} ({judged})."
+            return f"Partly explained: {why}. {capital(missing)} {leave} ({judged})."
         if more:
             where = f"something is left{place_words(result)}"
             return f"Partly explained: {missing} {were} missing, and {where} ({judged})."
@@ -672,7 +672,8 @@ REASONS = {
 """What is off, and what the expected figure is, by the kind of reason."""
 
 
-def _capital(text: str) -> str:
+def capital(text: str) -> str:
+    """The text with a capital letter."""
     return text[:1].upper() + text[1:]
 
 

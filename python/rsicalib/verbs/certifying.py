@@ -7,7 +7,6 @@ import os
 import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, InputTypeError
-from rsicalib.facts.certified import Known, Source, Uncertainty
+from rsicalib.facts.certified import Known, Uncertainty
 from rsicalib.facts.shapes import TraceShape
 from rsicalib.io.builtin import DEFAULT
 from rsicalib.io.cells import POSE
@@ -113,8 +112,9 @@ def certify(
         opened, earlier.to_json(), table, quantity == "orientation", size, confidence
     )
     decision, times = found["decision"], found["times"]
-    uncertainty = _uncertainty(found["uncertainty"])
-    known = tuple(Known(**one) for one in found["known"])
+    budget = found["uncertainty"]
+    uncertainty = None if budget is None else Uncertainty.from_dict(budget)
+    known = tuple(map(Known.from_dict, found["known"]))
     unfit = (*_unfit(earlier, found["unfit"]), *_unsized(earlier, found["unsized_steps"]))
     expanded = math.nan if uncertainty is None else uncertainty.expanded
     return Certificate(
@@ -303,14 +303,6 @@ def _of_check(result: Result, times: float) -> tuple[str, ...]:
         f"by {_checked(result)} check points: {size} what is predicted of them, with effects that "
         "nobody named.",
     )
-
-
-def _uncertainty(found: Mapping[str, Any] | None) -> Uncertainty | None:
-    """The budget as it is written."""
-    if found is None:
-        return None
-    own = {field.name: found[field.name] for field in fields(Uncertainty)}
-    return Uncertainty(**{**own, "budget": tuple(Source(**one) for one in found["budget"])})
 
 
 def _checked(result: Result) -> int:

@@ -19,12 +19,11 @@ from rsicalib.facts.verdicts import UNUSABLE
 from rsicalib.io.readings import Readings
 from rsicalib.plain_text import meant
 from rsicalib.planning.platform_sd import readings_at_work
-from rsicalib.report.past import Forecast, History, Jump, LeftOut, Past, Series
+from rsicalib.report.past import DAY_S, Forecast, History, Jump, LeftOut, Past, Series, days_of
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
 from rsicalib.work.arguments import MechanismArg, earlier_result, open_mechanism
 
-DAY_S = 86_400.0
 POSES = 40
 """Poses of the workspace over which the platform's error is averaged."""
 
@@ -141,10 +140,7 @@ def _device(read: Sequence[tuple[str, Result]]) -> str | None:
 def _day(result: Result) -> float:
     """Date of a result, in days."""
     assert result.valid_from is not None
-    when = datetime.datetime.fromisoformat(result.valid_from)
-    if when.tzinfo is None:
-        when = when.replace(tzinfo=datetime.UTC)
-    return when.timestamp() / DAY_S
+    return days_of(result.valid_from)
 
 
 def _date(day: float) -> str:
