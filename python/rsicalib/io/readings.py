@@ -395,7 +395,7 @@ def _skipped(table: Table, faults: dict[int, Fault], skip_bad_rows: bool) -> tup
     if not skip_bad_rows or len(faults) == len(table.lines):
         fault, more = faults[first], len(faults) - 1
         others = f"{more} more row{'s' * (more > 1)} cannot be used. " if more else ""
-        advice = "Correct the file, or drop such rows with skip_bad_rows (--skip-bad-rows)."
+        advice = "Correct the data, or drop such rows with skip_bad_rows (--skip-bad-rows)."
         raise InputError.at(
             table.source,
             line=int(table.lines[first]),
