@@ -152,6 +152,11 @@ class Readings(Samples, Tabular):
             blocks.append((POSE, poses))
         return readings_of_table(table_of_arrays(blocks, source), mechanism, skip_bad_rows)
 
+    @property
+    def n_poses(self) -> int:
+        """Number of different poses; rows that plainly repeat one are of it."""
+        return super().n_poses if self.repeats is None else len(np.unique(self.repeats))
+
     def select(self, mask: npt.ArrayLike) -> Readings:
         """The rows where `mask` is true.
 
