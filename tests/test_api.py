@@ -13,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -389,3 +390,21 @@ def test_types_that_docstrings_name_can_be_imported() -> None:
             types = set(re.findall(r"\b[A-Z]\w+", "".join(words))) - elsewhere
             lost = {t for t in types if not hasattr(rsicalib, t) and not hasattr(builtins, t)}
             assert not lost, (name, words)
+
+
+@pytest.mark.parametrize("true", [True, np.True_])
+@pytest.mark.parametrize("kind", [list, lambda cells: np.array(cells, dtype=object)])
+def test_a_truth_value_among_numbers_is_refused_where_it_stands(kind: Any, true: Any) -> None:
+    mechanism = rsicalib.load_mechanism("rsi")
+    columns: dict[str, Any] = {c.name: [100.0, 200.0, 300.0] for c in mechanism.channels}
+    columns["a12"] = kind([100.0, true, 300.0])
+    with pytest.raises(InputError) as refused:
+        rsicalib.load_readings(columns, mechanism)
+    assert refused.value.where is not None
+    assert (refused.value.where["line"], refused.value.where["column"]) == (2, "a12")
+
+
+def test_a_result_of_another_kind_is_refused_by_its_format() -> None:
+    found = rsicalib.demo().to_dict()
+    with pytest.raises(InputError, match=r"rsicalib\.trace/1.*rsicalib\.calibration/1"):
+        rsicalib.Calibration.from_dict(found)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import matplotlib
@@ -131,6 +132,14 @@ def test_the_command_prints_text_json_and_a_page(folder: Path, tmp_path: Path) -
     page = (tmp_path / "history.html").read_text()
     assert page.count("<figure") == 18 + 1  # and all in one grid
     assert "Drifting: offset of a22" in page
+
+
+def test_one_result_has_no_rate_and_no_forecast(folder: Path, tmp_path: Path) -> None:
+    shutil.copy(folder / f"{DATES[0]}.json", tmp_path)
+    past = rsicalib.history(tmp_path, target=0.02)
+    assert past.forecast is None and all(one.rate is None for one in past.parameters)
+    for said in (past.text(), past.page()):
+        assert "second result" in said and "ten years" not in said
 
 
 def test_a_folder_without_results_says_so(tmp_path: Path) -> None:

@@ -456,7 +456,7 @@ def test_a_joint_that_is_swept_by_whole_steps_is_no_counter(tmp_path: Path) -> N
 
 def test_a_log_of_another_machine_than_the_default_says_so(tmp_path: Path) -> None:
     path = plotted(tmp_path / "plot.csv", [(0.0, 1.0), (0.02, 2.0)], "__time,elbow")
-    with pytest.raises(InputError, match="the mechanism 'rsi': give yours by --mechanism"):
+    with pytest.raises(InputError, match="the mechanism 'rsi': give yours as mechanism"):
         rsicalib.trace(path)
 
 

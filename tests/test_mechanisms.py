@@ -165,7 +165,7 @@ REFUSED = {
     "rows too": (HEAD + CHAIN + "dh = []", "chain 'arm': found `dh`, expected beside `urdf` only"),
     "no channels": (
         HEAD + CHAIN.replace("channels", "#"),
-        "chain 'arm', channels: found None, expected the channel of each joint",
+        "chain 'arm', channels: found none, .*hinge = .q1.",
     ),
     "a channel missing": (
         HEAD + CHAIN.replace(', slide = "q2"', ""),
@@ -383,3 +383,10 @@ closure = [{name = "both", kind = "equal", between = ["x", "ruler"]}]
 def test_text_may_begin_with_the_mark_of_unicode() -> None:
     text = rsicalib.Mechanism.rsi().to_toml()
     assert rsicalib.Mechanism("\ufeff" + text) == rsicalib.Mechanism(text)
+
+
+def test_the_line_of_text_that_is_no_toml_is_that_of_the_error(tmp_path: Path) -> None:
+    (tmp_path / "bad.toml").write_text("# drawn\n" * 90 + "b = = 2\n")
+    with pytest.raises(InputError) as refused:
+        load_mechanism(tmp_path / "bad.toml")
+    assert refused.value.where is not None and refused.value.where["line"] == 91

@@ -25,8 +25,10 @@ from rsicalib.report import residuals, svg
 from rsicalib.report.checks import noise_figure
 from rsicalib.report.figure import Figure
 from rsicalib.report.mechanism import scene_of
+from rsicalib.report.plain import plain_words
 from rsicalib.report.residuals import residual_figure
 from rsicalib.report.svg import SIZE, width_of
+from rsicalib.report.terminal import summary
 from rsicalib.report.words import (
     count_words,
     noise_words,
@@ -754,3 +756,35 @@ def test_letters_are_as_wide_as_in_the_font_that_they_are_measured_in() -> None:
             true = wide[glyphs[ord(letter)]][0] / font["head"].unitsPerEm
             # Rounded up to steps of 0.05.
             assert true - 1e-9 <= width_of(letter, bold=bold) / SIZE < true + 0.05, letter
+
+
+def test_a_name_that_is_certain_has_no_other_beside_it_in_the_headline() -> None:
+    found = rsicalib.demo()
+    step = dataclasses.replace(found.steps[0], also_fits=())
+    own = Name(step.term, step.klass, step.target)
+    other = Name("cubic", step.klass, step.target)
+
+    def said(probability: float) -> str:
+        shares = ((own, probability), (other, 1.0 - probability))
+        rivals = tuple(
+            dataclasses.replace(found.rivals[0], terms=(n,), probability=p) for n, p in shares
+        )
+        return plain_words(dataclasses.replace(found, steps=(step,), rivals=rivals), None)
+
+    assert "may be" in said(0.6) and "may be" not in said(0.997)
+
+
+def test_a_hidden_effect_of_two_channels_is_told_by_both() -> None:
+    found = rsicalib.demo()
+    at = [
+        dataclasses.replace(found.could_hide[0], term="crosstalk", target="a11", place=place)
+        for place in ("a12", "a13")
+    ]
+    lines = summary(dataclasses.replace(found, could_hide=tuple(at)), whole=True).splitlines()
+    hiding = [line.split(" up to")[0] for line in lines if "may hide" in line]
+    assert [line.split()[-1] for line in hiding] == ["a12", "a13"]
+
+
+def test_what_is_left_of_rounding_is_nothing() -> None:
+    assert plus_minus(1.38778e-16, None) == ("0", "–")
+    assert plus_minus(1.4e-12, None)[0] != "0"

@@ -140,6 +140,7 @@ def test_repeats_without_the_column_pose_are_judged_as_with_it(without: list[str
     assert found.verdict == whole.verdict == "unexplained"
     assert (found.fit.chi2, found.fit.dof) == (whole.fit.chi2, whole.fit.dof)
     assert found.noise == whole.noise
+    assert found.readings.poses == whole.readings.poses
     assert [w.kind for w in found.warnings] == ["unlabelled_repeats"]
 
 

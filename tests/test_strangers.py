@@ -147,7 +147,14 @@ MACHINES = {
         b'<robot name="r" xmlns:xacro="x"><xacro:property name="a" value="1"/></robot>',
         "plain_plain.urdf",
     ),
-    "robot.urdf.xacro": (b'<robot name="r" xmlns:xacro="x"/>', "xacro "),
+    "robot.urdf.xacro": (
+        b'<robot name="r" xmlns:xacro="x"><joint xacro:if="a"/></robot>',
+        "xacro ",
+    ),
+    "declares.urdf": (
+        b'<robot name="r" xmlns:xacro="x"><!-- <xacro:a/> --></robot>',
+        "a [[chain]]",
+    ),
     "world.sdf": (b'<?xml version="1.0"?><sdf version="1.7"/>', "Export it from its program"),
     "robot.usda": (b'#usda 1.0\ndef Xform "robot" {}\n', "Export it from its program"),
     "robot.usd": (b"PXR-USDC\x00\x00\x08", "Export it from its program"),

@@ -401,7 +401,10 @@ name = "bar"
 length_unit = "m"
 channel = [{name = "q", unit = "rad", gain = 1.0, offset = 0.0, noise = 1e-4}]
 chain = [{name = "bar", dh = [{channel = "q", a = 1.0}]}]
-point = [{name = "tip", chain = "bar", at = [0, 0, 0]}, {name = "post", at = [-0.5, 0.0, 0.0]}]
+point = [
+  {name = "tip", chain = "bar", at = [0.0, 0.0, 0.0]},
+  {name = "post", at = [-0.5, 0.0, 0.0]},
+]
 closure = [{name = "rule", kind = "distance", between = ["tip", "post"], value = "ruled"}]
 
 [model]

@@ -39,7 +39,7 @@ def calibrate(args: Args) -> int:
 
     prepare(args)
     _with_logs(args)
-    options = {**_session(args), "method": args.method}
+    options = {**_session(args), "method": args.method, "seed": args.seed}
     return show(args, _heard(args, lambda line: api.calibrate(args.readings, **options, **line)))
 
 

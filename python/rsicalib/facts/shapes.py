@@ -660,9 +660,10 @@ class FoundLaw(Record):
     """A formula for the errors of a channel, which no term has."""
 
     target: str
-    """The channel."""
+    """The channel, the row of a chain or the closure."""
     formula: str
-    """The correction of its coordinate, as a mechanism file writes it."""
+    """The correction of its coordinate or value, or by how much its frame moves, as a mechanism
+    file writes it."""
     parameters: tuple[FormulaParameter, ...]
     """Its parameters."""
     probability: float
@@ -685,6 +686,8 @@ class Unexplained(Record):
     depends_on: tuple[DependsOn, ...] = field(default=(), metadata=OMIT)
     """What the likeliest law that no term has depends on, where it ties with what was found, or
     something is left."""
+    also_of: tuple[str, ...] = field(default=(), metadata=OMIT)
+    """Other targets of which such a law fits as well, the likeliest first."""
     law: FoundLaw | None = field(default=None, metadata=IF_KNOWN)
     """A formula that fits as well as that law, within 6 in price."""
 

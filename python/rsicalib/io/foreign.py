@@ -12,6 +12,7 @@ HEAD = 1 << 14
 """Bytes at the head of a file that tell what it is."""
 
 EXPECTED = "a mechanism file (TOML), or a model of MuJoCo (MJCF)"
+COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 COMPILED = b"\x00MJB"
 EXPORT = "Export it from its program as URDF or MJCF."
 
@@ -25,7 +26,7 @@ def _urdf(file: str) -> str:
 
 
 FOREIGN: dict[str, tuple[re.Pattern[bytes], Callable[[str], str]]] = {
-    "a xacro": (re.compile(rb"<robot\b[^>]*\bxmlns:xacro|<xacro:"), how_to_expand),
+    "a xacro": (re.compile(rb"<xacro:|<[^<>]*\sxacro:[\w.-]+\s*="), how_to_expand),
     "a robot description (URDF)": (re.compile(rb"<robot\b"), _urdf),
     "a description of Gazebo (SDF)": (re.compile(rb"<sdf\b"), lambda _: EXPORT),
     "a stage of USD": (re.compile(rb"\A#usda|\APXR-USDC"), lambda _: EXPORT),
@@ -47,7 +48,7 @@ def refuse_foreign(file: str) -> None:
         Its head tells what it is.
     """
     with open(file, "rb") as source:
-        head = source.read(HEAD)
+        head = COMMENT.sub(b"", source.read(HEAD))
     if Path(file).suffix.lower() == ".mjb":  # its bytes differ from version to version
         head = COMPILED
     for words, (looks, hint) in FOREIGN.items():

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from rsicalib.errors import InputError, InputTypeError
 from rsicalib.io.extras import needed
-from rsicalib.io.tables import Table, table_of_arrays
+from rsicalib.io.tables import Table, table_of_arrays, uncast
 
 Cells: TypeAlias = Sequence[Any] | npt.NDArray[Any]
 Columns: TypeAlias = dict[str, Cells]
@@ -123,7 +123,7 @@ def table_in_memory(given: object, channels: Sequence[str]) -> Table:
     given = as_table(given)
     if isinstance(given, np.ndarray | Sequence):
         try:
-            given = np.asarray(given)
+            given = uncast(given)
         except ValueError:
             found = f"{_kind(given)} whose entries differ in length"
             raise InputTypeError(f"readings: found {found}, expected {EXPECTED}") from None
@@ -211,7 +211,7 @@ def _plain(cells: Any) -> Cells:
         array = cells.data.astype(object)
         array[np.ma.getmaskarray(cells)] = None
     else:
-        array = np.asarray(cells.to_numpy() if hasattr(cells, "to_numpy") else cells)
+        array = uncast(cells.to_numpy() if hasattr(cells, "to_numpy") else cells)
     if array.ndim != 1:
         raise InputError.at(SOURCE, f"a column of shape {array.shape}", "(n,)")
     if array.dtype.kind in "iuf":

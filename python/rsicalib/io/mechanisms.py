@@ -24,7 +24,7 @@ from rsicalib.io.urdf import (
     masses_from_toml,
     parse_toml,
 )
-from rsicalib.io.urdf_tree import listed, refuse
+from rsicalib.io.urdf_tree import Robot, listed, refuse
 from rsicalib.plain_text import meant
 from rsicalib.tabular import html_table
 
@@ -253,8 +253,12 @@ def _urdf(chain: dict[str, Any], file: str) -> UrdfChain:
             refuse(file, f"{place}, {key}", found=repr(chain.get(key)), expected="text")
     channels, masses = chain.get("channels"), chain.get("masses")
     if not isinstance(channels, dict) or not all(isinstance(c, str) for c in channels.values()):
-        expected = 'the channel of each joint, { panda_joint1 = "q1" }'
-        refuse(file, f"{place}, channels", found=repr(channels), expected=expected)
+        steps = Robot(Path(file).parent / chain["urdf"]).path(chain["base"], chain["tip"])
+        moving = [step.joint.name for step in steps if step.joint.kind != "fixed"]
+        joints = ", ".join(f'{name} = "q{k}"' for k, name in enumerate(moving, 1))
+        expected = f"the channel of each joint, {{ {joints} }}"
+        found = "none" if channels is None else repr(channels)
+        refuse(file, f"{place}, channels", found=found, expected=expected)
     if masses is not None and not isinstance(masses, str):
         refuse(file, f"{place}, masses", found=repr(masses), expected="the path of a TOML file")
     folder = Path(file).parent

@@ -150,6 +150,11 @@ class Readings(Samples, Tabular):
             blocks.append((POSE, poses))
         return readings_of_table(table_of_arrays(blocks, source), mechanism, skip_bad_rows)
 
+    @property
+    def n_poses(self) -> int:
+        """Number of different poses; rows that plainly repeat one are of it."""
+        return super().n_poses if self.repeats is None else len(np.unique(self.repeats))
+
     def select(self, mask: npt.ArrayLike) -> Readings:
         """The rows where `mask` is true.
 
@@ -385,7 +390,7 @@ def _skipped(table: Table, faults: dict[int, Fault], skip_bad_rows: bool) -> tup
     if not skip_bad_rows or len(faults) == len(table.lines):
         fault, more = faults[first], len(faults) - 1
         others = f"{more} more row{'s' * (more > 1)} cannot be used. " if more else ""
-        advice = "Correct the file, or drop such rows with skip_bad_rows (--skip-bad-rows)."
+        advice = "Correct the data, or drop such rows with skip_bad_rows (--skip-bad-rows)."
         hint = others + advice if len(faults) < len(table.lines) else "No row can be used."
         raise table.fault(first, fault.column, fault.found, fault.expected, hint)
     return tuple(

@@ -334,13 +334,22 @@ def _array(given: object, column: str | None, source: str) -> npt.NDArray[Any]:
         cells[np.ma.getmaskarray(given)] = None
         given = cells
     try:
-        array = np.asarray(given)
+        array = uncast(given)
     except ValueError as error:
         raise InputError.at(source, str(error), "an array", column=column) from None
     if array.dtype.kind not in "iufUO":
         found = f"type {array.dtype}"
         raise InputError.at(source, found, "numbers", column=column)
     return array
+
+
+def uncast(given: object) -> npt.NDArray[Any]:
+    """An array of what is given; of objects where NumPy would make 1 of a True among numbers."""
+    array = np.asarray(given)
+    if array is given or array.dtype.kind not in "iuf" or hasattr(given, "dtype"):
+        return array
+    cells = np.asarray(given, dtype=object)
+    return cells if any(isinstance(c, bool | np.bool_) for c in cells.flat) else array
 
 
 def numbers(cells: Sequence[Any] | npt.NDArray[Any]) -> FloatArray:
@@ -362,7 +371,7 @@ def numbers(cells: Sequence[Any] | npt.NDArray[Any]) -> FloatArray:
 
 
 def _number(cell: Any) -> float:
-    if isinstance(cell, bool) or (isinstance(cell, str) and not _plain(cell)):
+    if isinstance(cell, bool | np.bool_) or (isinstance(cell, str) and not _plain(cell)):
         return math.nan
     try:
         return float(cell)

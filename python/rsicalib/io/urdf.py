@@ -235,7 +235,9 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        refuse(name, "file", found=str(error), expected="TOML")
+        at = re.search(r"\bat line (\d+)", str(error))
+        line = None if at is None else int(at[1])
+        refuse(name, "file", line=line, found=str(error), expected="TOML")
     except RecursionError:
         refuse(name, "file", found="values nested too deeply", expected="TOML")
 

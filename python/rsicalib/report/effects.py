@@ -248,13 +248,14 @@ def scores_figure(scores: Sequence[Score], name: str) -> Figure | None:
         return canvas.svg("scores of all candidates")
 
     caption = (
-        "By how much χ² would fall with each candidate, less the charge for its parameters and for "
-        f"the places looked at; {len(scores)} were tried. "
+        "By how much χ² would fall with each candidate, to first order, less the charge for its "
+        f"parameters and for the places looked at; {len(scores)} were tried. "
     )
     if any(score.chosen for score in scores):
         caption += (
-            "Strong bars are what was named and what cannot be told from it: the shorter the "
-            "others, the surer the name."
+            "Strong bars are what was named and what cannot be told from it. The best are fitted, "
+            "and named is what then explains most: another bar may be longer, and how sure the "
+            "name is stands with its probability, not here."
         )
     else:
         caption += "None was named."

@@ -160,7 +160,8 @@ class History(Told, Tabular, Record, kw_only=True, repr=False):
     left_out: tuple[LeftOut, ...]
     """Files that are damaged, or of another device."""
     forecast: Forecast | None = None
-    """With a target and a platform: when its error will exceed it."""
+    """With a target and a platform: when its error will exceed it. None of one result: it has no
+    rate."""
 
     def to_json(self) -> str:
         """The history as JSON text."""
@@ -219,17 +220,19 @@ class History(Told, Tabular, Record, kw_only=True, repr=False):
 
     def __repr__(self) -> str:
         drifting = ", ".join(one.key for one in _drifts(self)) or "nothing"
+        results = counted(len(self.results), "result")
         jumps = "".join(f", {one.key} jumped" for one in self.parameters if one.jumps)
         called = self.device or self.mechanism
-        return f"<History of {called!r}: {len(self.results)} results, {drifting} drifts{jumps}>"
+        return f"<History of {called!r}: {results}, {drifting} drifts{jumps}>"
 
 
 def lines(history: History) -> list[str]:
     """The history as lines."""
     first, last = history.results[0], history.results[-1]
     called = history.device or history.mechanism
+    results = counted(len(history.results), "result")
     out = [
-        f"{called}: {len(history.results)} results, {first.valid_from} to {last.valid_from}",
+        f"{called}: {results}, {first.valid_from} to {last.valid_from}",
         "",
         *(_past(one) for one in history.results),
         "",
@@ -237,13 +240,13 @@ def lines(history: History) -> list[str]:
     ]
     drifts = _drifts(history)
     names = ", ".join(f"{s.term}@{s.target}" for s in drifts)
-    out += ["", f"drifts beyond chance: {names or 'none'}"]
+    out += ["", f"drifts beyond chance: {names or 'none'}" if _has_rates(history) else ONE_DATE]
     out += [event_words(one, jump) for one in history.parameters for jump in one.jumps]
     out += [scatter_words(one) for one in history.parameters if one.scatter]
     if history.session_only:
         out.append(f"of single sessions, not compared: {', '.join(history.session_only)}")
     if history.forecast is not None:
-        out += ["", forecast_words(history.forecast, history.length_unit)]
+        out += ["", forecast_words(history, history.forecast)]
     if history.left_out:
         out += ["", "left out:", *(f"  {one.file}: {one.reason}" for one in history.left_out)]
     return out
@@ -291,6 +294,14 @@ def _drifts(history: History) -> list[Series]:
     return [s for s in history.parameters if s.kind in DRIFTING]
 
 
+ONE_DATE = "no rate and no forecast: both need a second result, of a later date"
+
+
+def _has_rates(history: History) -> bool:
+    """Whether any parameter was estimated on two dates."""
+    return any(one.rate is not None for one in history.parameters)
+
+
 def event_words(one: Series, jump: Jump) -> str:
     """A jump as a line."""
     value, half = plus_minus(jump.value, 1.96 * jump.sd)
@@ -306,8 +317,12 @@ def scatter_words(one: Series) -> str:
     )
 
 
-def forecast_words(forecast: Forecast, unit: str) -> str:
-    """When the error of the platform will exceed the target, as a sentence."""
+def forecast_words(history: History, forecast: Forecast) -> str:
+    """When the error of the platform will exceed the target, as a sentence.
+
+    Where no drift is beyond chance, it rests on what the results leave open of the rates.
+    """
+    unit = history.length_unit
     text = f"platform error now {number(forecast.now)} {unit}, "
     if forecast.now > forecast.target:
         return f"{text}above the target of {number(forecast.target)} {unit} already"
@@ -317,6 +332,8 @@ def forecast_words(forecast: Forecast, unit: str) -> str:
         text += f"likely above {number(forecast.target)} {unit} by {forecast.day}"
     if forecast.from_day is not None:
         text += f" (in one case of twenty by {forecast.from_day})"
+    if not _drifts(history):
+        text += "; no drift is beyond chance: this is what the uncertainty of the rates allows"
     return text
 
 
@@ -328,6 +345,8 @@ def page(history: History) -> str:
     drifting = ", ".join(f"{s.term} of {s.target}" for s in drifts)
     events = [event_words(one, jump) for one in history.parameters for jump in one.jumps]
     still = "Nothing drifts and nothing jumped beyond chance."
+    if not _has_rates(history):
+        still = f"{ONE_DATE[0].upper()}{ONE_DATE[1:]}."
     if drifts or events:
         still = "" if drifts else "Nothing drifts beyond chance."
     verdict = f"{words}. " + (f"Drifting: {drifting}." if drifts else still)
@@ -341,7 +360,7 @@ def page(history: History) -> str:
         f'<p class="verdict {mood}">{whole(escape(verdict))}</p>',
     ]
     if history.forecast is not None:
-        forecast = forecast_words(history.forecast, history.length_unit)
+        forecast = forecast_words(history, history.forecast)
         parts.append(f"<p>{whole(escape(forecast[0].upper() + forecast[1:]))}.</p>")
     for many, told in (("jumps", events), ("parameters that scatter", scattered)):
         said = listed(f"{line[0].upper()}{line[1:]}." for line in told)

@@ -250,7 +250,8 @@ def _left(result: TraceShape, look: Look) -> list[str]:
         if hidden.detectable is None:
             size = ", of any size: these poses do not show it"
         where = labelled(target_words("", hidden.target), hidden.label)
-        name = f"{name_of(hidden.term)} of {where}"
+        at = f" at {hidden.place}" if hidden.place else ""
+        name = f"{name_of(hidden.term)} of {where}{at}"
         lines += _cut(f"  may hide  {name}{size}{cost}", look)
     if look.whole:
         lines += _listed("not tried", not_tried(result), 0, look)

@@ -61,12 +61,16 @@ def count_words(value: float | None) -> str:
     return f"{value:.0f}" if whole else number(value)
 
 
+ROUNDING = 1e-14
+"""A parameter below it is what is left of numbers of one to a hundred that are one."""
+
+
 def plus_minus(value: float | None, half: float | None) -> tuple[str, str]:
     """A value and its half width, both to two digits of the half width."""
     if value is None:
         return "–", "–"
     if half is None or not math.isfinite(half) or half <= 0.0:
-        return number(value, 6), "–"
+        return number(0.0 if abs(value) < ROUNDING else value, 6), "–"
     places = 1 - math.floor(math.log10(half))
     if places > 7 or max(abs(value), half) >= 1e6:
         return f"{value:.6e}", f"{half:.1e}"
@@ -718,7 +722,8 @@ def _next_measurement(result: TraceShape) -> list[str]:
     costs = [(h.platform_rms.position or 0.0, h) for h in result.could_hide if h.platform_rms]
     if costs:
         cost, worst = max(costs, key=lambda pair: pair[0])
-        what = f"{name_of(worst.term)} of {target_words('', worst.target)}"
+        at = f" at {worst.place}" if worst.place else ""
+        what = f"{name_of(worst.term)} of {target_words('', worst.target)}{at}"
         out.append(
             f"What could still hide costs up to {number(cost, 2)} {result.length_unit} ({what}): "
             "poses at the edges of the workspace show it best."

@@ -147,7 +147,10 @@ class Result(Interactive, eq=False, repr=False, kw_only=True):
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Read a result back from its dictionary."""
-        return super().from_dict({**data, "format": data.get("format", cls.FORMAT)})
+        given = data.get("format", cls.FORMAT)
+        if given != cls.FORMAT:
+            raise InputError(f"format: found {given!r}, expected {cls.FORMAT!r}: of {cls.__name__}")
+        return super().from_dict({**data, "format": given})
 
 
 class Calibration(Result, CalibrationShape, eq=False, repr=False, kw_only=True):

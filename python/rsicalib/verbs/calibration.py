@@ -43,6 +43,7 @@ def calibrate(
     device: str | None = None,
     note: str | None = None,
     date: DateArg | None = None,
+    seed: int | None = None,
     starts: int | None = None,
     max_iterations: int | None = None,
     xtol: float | None = None,
@@ -100,6 +101,8 @@ def calibrate(
         What the device is called, and what is to be remembered of the session.
     date : str or date, optional
         From when the parameters hold, ISO 8601: `valid_from` of the result.
+    seed : int, optional
+        Nothing is drawn at random here: the same readings give the same result.
     starts : int, optional
         Upper limit of starts that are tried.
     max_iterations : int, optional

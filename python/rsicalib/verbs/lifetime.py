@@ -92,6 +92,7 @@ def history(
     results = [result for _, result in own]
     last = _last(opened, results[-1], target)
     series, session_only, forecast = _core.history(opened, [_dated(r) for r in results], last)
+    rated = any(one["course"] for one in series)  # of one result nothing is known but the level
     return History(
         device=chosen,
         mechanism=opened.name,
@@ -100,7 +101,7 @@ def history(
         parameters=tuple(_series(results, one["known"], one["course"]) for one in series),
         session_only=tuple(session_only),
         left_out=tuple(sorted(left_out, key=lambda one: one.file)),
-        forecast=None if forecast is None else _forecast(results[-1], **forecast),
+        forecast=None if forecast is None or not rated else _forecast(results[-1], **forecast),
     )
 
 

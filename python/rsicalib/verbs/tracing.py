@@ -73,9 +73,7 @@ def trace(
         Apply every effect that is found. Else one that does not help on placements, sessions or
         parts of the workspace that are left out, or in whose place a law that no term has is
         likelier, is named, `step.applied` is False, and `parameters` are without it.
-    seed : int, optional
-        Nothing is drawn at random here: the same readings give the same result.
-    starts, max_iterations, xtol, progress : optional
+    seed, starts, max_iterations, xtol, progress : optional
         As in `calibrate`.
 
     Returns

@@ -64,7 +64,7 @@ def earlier_result(
         found = f"a calibration of {result.mechanism!r}"
         beside = Path(where).parent / OF_LOG
         its = beside if result is not calibration and beside.is_file() else "FILE"
-        hint = f"Its own mechanism: --mechanism {its}."
+        hint = f"Give its own as mechanism (--mechanism {its})."
         raise InputError.at(where, found, f"one of {mechanism.name!r}", hint=hint)
     if result.length_unit != mechanism.length_unit:
         found, expected = f"lengths in {result.length_unit!r}", f"{mechanism.length_unit!r}"
@@ -165,7 +165,7 @@ def _log(readings: object, mechanism: MechanismArg, skip: bool) -> Log | None:
     try:
         return import_log(readings, mechanism=mechanism, skip_bad_rows=skip)
     except InputError as error:  # what was recorded is of another machine
-        hint = f"This is the mechanism {DEFAULT!r}: give yours by --mechanism."
+        hint = f"This is the mechanism {DEFAULT!r}: give yours as mechanism (--mechanism FILE)."
         raise InputError(f"{error.message} {hint}", error.where) from None
 
 
