@@ -198,7 +198,7 @@ pub struct Unexplained {
     pub law: Option<FoundLaw>,
 }
 
-/// A formula for the errors of a channel, which no term has.
+/// A formula for the errors of a channel, a link or a closure, which no term has.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]

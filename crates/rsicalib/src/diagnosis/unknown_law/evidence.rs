@@ -1,6 +1,6 @@
 //! The marginal likelihood of a smooth law of one or two variables, (115).
 //!
-//! The error of a channel in sample `p` is `Σ_j φ_j(p) b_j`, with polynomials `φ_j` of degree `d_j`
+//! The error of a channel, or of what is built, in sample `p` is `Σ_j φ_j(p) b_j`, with polynomials `φ_j` of degree `d_j`
 //! of its variables, and `b_j ~ N(0, (τ d_j^-s)²)`. With (71) for the columns `Z = A Φ`, in units of
 //! the prior, `M` has eigenvalues `m_k`, and `u` the components `u_k`:
 //!
@@ -32,7 +32,7 @@ stated! {
 /// Powers of the degree by which the amplitudes fall: a law that bends, and one that is smooth.
 const SMOOTH: [f64; 2] = [1.0, 2.0];
 
-/// What the equations of a session tell of the errors of one channel, sample by sample.
+/// What the equations of a session tell of the errors of one place, sample by sample.
 pub struct Errors {
     /// `Σ a²` of each sample.
     pub(super) square: Vec<f64>,

@@ -1,4 +1,4 @@
-//! A law that no term has, at one channel: on what it depends, and its price beside what was found.
+//! A law that no term has, of one channel, link or closure: on what it depends, and its price beside what was found.
 //!
 //! The price (113) of such a law is that of a smooth function of one or two variables of the session,
 //! averaged over these and over amplitudes, (115). It stands in place of one effect that was found, or of
