@@ -253,7 +253,7 @@ def test_times_may_be_text(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="line 4, column timestamp: found 'yesterday'"):
         rsicalib.import_log(path, format="columns", hold=0)
     path.write_text("time;q1\n01.03.2026 09:00:30,100;1,5\n")  # as it stands in the file
-    with pytest.raises(InputError, match="found '01.03.2026 09:00:30,100'"):
+    with pytest.raises(InputError, match=r"found '01\.03\.2026 09:00:30,100'"):
         rsicalib.import_log(path, format="columns", hold=0)
 
 
