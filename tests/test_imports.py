@@ -252,6 +252,9 @@ def test_times_may_be_text(tmp_path: Path) -> None:
     plotted(path, [*rows, ("yesterday", 3.0)], "timestamp,q1")
     with pytest.raises(InputError, match="line 4, column timestamp: found 'yesterday'"):
         rsicalib.import_log(path, format="columns", hold=0)
+    path.write_text("time;q1\n01.03.2026 09:00:30,100;1,5\n")  # as it stands in the file
+    with pytest.raises(InputError, match=r"found '01\.03\.2026 09:00:30,100'"):
+        rsicalib.import_log(path, format="columns", hold=0)
 
 
 def test_rows_of_other_series_are_left_out_and_half_rows_refused(tmp_path: Path) -> None:
@@ -315,6 +318,19 @@ def test_columns_that_readings_know_or_a_mechanism_needs_are_kept_and_others_are
     assert any("q1 is in ° and declared in rad" in finding for finding in log.findings)
 
     plotted(path, rows, header.replace("at,", "socket,"))
+    plotted(tmp_path / "own.csv", rows, header.replace("J1 [°]", "q1"))
+    urdf = '<robot name="r"><link name="b"/><link name="t"/>'
+    urdf += (
+        '<joint name="hinge" type="continuous"><parent link="b"/><child link="t"/></joint></robot>'
+    )
+    (tmp_path / "r.urdf").write_text(urdf)
+    chain = 'urdf = "r.urdf", base = "b", tip = "t", channels = {hinge = "q1"}'
+    (tmp_path / "joints.toml").write_text(
+        TOUCHES.replace('dh = [{channel = "q1", a = 0.4}]', chain)
+    )
+    log = rsicalib.import_log(tmp_path / "own.csv", mechanism=tmp_path / "joints.toml")
+    assert [*log.sessions[0].columns["q1"]] == [0.5, 0.9]
+
     named = {"q1": "J1 [°]", "at": "socket"}
     log = rsicalib.import_log(path, mechanism=tmp_path / "arm.toml", channels=named)
     assert [*log.sessions[0].columns["at"]] == ["A", "B"]

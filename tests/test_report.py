@@ -30,6 +30,7 @@ from rsicalib.report.residuals import residual_figure
 from rsicalib.report.svg import SIZE, width_of
 from rsicalib.report.terminal import summary
 from rsicalib.report.words import (
+    advice,
     count_words,
     noise_words,
     number,
@@ -788,3 +789,11 @@ def test_a_hidden_effect_of_two_channels_is_told_by_both() -> None:
 def test_what_is_left_of_rounding_is_nothing() -> None:
     assert plus_minus(1.38778e-16, None) == ("0", "–")
     assert plus_minus(1.4e-12, None)[0] != "0"
+
+
+def test_an_implausible_result_of_labelled_places_has_its_labels_looked_at() -> None:
+    found = dataclasses.replace(rsicalib.demo(), verdict="implausible")
+    place = dataclasses.replace(found.parameters[0], term="unknown_point", target="cone[at=A]")
+    labelled = dataclasses.replace(found, parameters=(place, *found.parameters[1:]))
+    (more,) = set(advice(labelled)) - set(advice(found))
+    assert "`at`" in more

@@ -405,7 +405,7 @@ def make_parser() -> argparse.ArgumentParser:
     sub.add_argument("--format", choices=sorted(KINDS), help="told from SOURCE where not given")
     words = "whose channels are taken; where its chains are URDF, by the names of their joints"
     sub.add_argument("--mechanism", metavar="NAME|FILE", help=words)
-    words = "name in the log of each channel: q1=panda_joint1,…"
+    words = "name in the log of each channel, of a table of other columns, too: q1=panda_joint1,…"
     sub.add_argument("--channels", metavar="CHANNEL=NAME,…", type=_channels, help=words)
     sub.add_argument("--topic", metavar="TOPIC", help="of ROS: where the joint states are")
     words = "of ROS: only rows under a condition, '/wrench.force.z>2'"

@@ -37,6 +37,8 @@ class Asked:
         Of a table: name in the log of columns that are no channels: `at`, `temperature_c`.
     needed, texts : tuple of str
         Columns that the mechanism needs beside its channels, and which of them hold text.
+    joints : tuple of str
+        Channels that are looked for by the names of their joints: a table may have their own.
     units : mapping of str to str
         Unit of each channel, as the mechanism declares it.
     """
@@ -53,6 +55,7 @@ class Asked:
     beside: Mapping[str, str] = field(default_factory=dict)
     needed: tuple[str, ...] = ()
     texts: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
 
 

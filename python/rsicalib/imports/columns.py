@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
-from rsicalib.imports.asked import Asked, chosen
+from rsicalib.imports.asked import Asked, chosen, short
 from rsicalib.imports.beside import cells_beside, columns_beside, units_said
 from rsicalib.imports.log import Log
 from rsicalib.imports.series import in_columns
@@ -100,7 +100,7 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
             counts = [False] * len(held)
         taken = [one and not counter for one, counter in zip(held, counts, strict=True)]
         channels = {n: n for n, one in zip(table.names, taken, strict=True) if one}
-    places = chosen(channels, table.names, table.source)
+    places = chosen(_by_own_names(channels, table, asked), table.names, table.source)
     read = {place, *beside.values(), *places.values()}
     left = [n or "(no name)" for k, n in enumerate(table.names) if k not in read]
     if left:
@@ -136,11 +136,21 @@ def _refuse_timeless(recording: Recording, table: Table, asked: Asked) -> None:
     known = recording.time_s is not None or "pose" in recording.beside
     if known or asked.rate is not None or asked.hold == 0.0:
         return
-    hint = f"Those of the log: {', '.join(table.names)[:300]}. Name one so. Where each row is a "
-    hint += "pose of its own: rsicalib import --hold 0. Of a recording, say how many rows there "
+    hint = f"Those of the log: {', '.join(table.names)[:300]}. Name one so, or say which it is: "
+    hint += (
+        "rsicalib import --channels time_s=COLUMN. Where each row is a pose of its own: rsicalib "
+    )
+    hint += "import --hold 0. Of a recording, say how many rows there "
     hint += "are in a second: rsicalib import --rate HZ."
     expected = "one called time, timestamp or t, with its unit or without (time_ms)"
     raise InputError.at(table.source, "no column of times", expected, hint=hint)
+
+
+def _by_own_names(channels: Mapping[str, str], table: Table, asked: Asked) -> dict[str, str]:
+    """The name of each channel's column: that of its joint, or else its own."""
+    own = {n for n in asked.joints if n in table.names}
+    near = {*table.names, *map(short, table.names)}
+    return {c: c if c in own and name not in near else name for c, name in channels.items()}
 
 
 def _numeric(table: Table, place: int) -> bool:

@@ -113,6 +113,7 @@ def import_log(
         beside=beside,
         needed=needs.columns,
         texts=needs.texts,
+        joints=tuple(name for name in joints or () if name not in (channels or {})),
         units=needs.units,
     )
     return KINDS[format].read(name, asked)

@@ -128,10 +128,11 @@ def _sure(result: TraceShape, step: Step) -> str:
     """How sure it is that it is this target, and what it is."""
     rivals = result.rivals
     terms = [step.term, *(n.term for n in step.also_fits if n.target == step.target)]
-    own = (step.term, step.target)
-    named = sum(r.probability for r in rivals if own in {(n.term, n.target) for n in r.terms})
-    for rival in rivals if named < SURE else ():
-        terms += [n.term for n in rival.terms if n.target == step.target]
+    weighed = 0.0
+    for rival in sorted(rivals, key=lambda r: -r.probability):
+        if weighed < SURE:  # the fewest that hold together are certain to have it among them
+            terms += [n.term for n in rival.terms if n.target == step.target]
+        weighed += rival.probability
     what = _what(step, list(dict.fromkeys(terms)))
     if not rivals:
         return what
