@@ -9,7 +9,7 @@ use crate::diagnosis::score::scored::is_data;
 use crate::diagnosis::trace::Traced;
 use crate::diagnosis::unknown_law::UnknownLaw;
 use crate::estimate::directions::{parameter_names, reported};
-use crate::estimate::{Fit, Observations, fit};
+use crate::estimate::{Fit, Observations, fit, with_conventions};
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::report::evidence::drawing::places;
@@ -55,6 +55,7 @@ pub fn hypotheses(traced: &Traced, known: Option<&Known>) -> Result<Vec<Hypothes
         let instances = base.iter().chain(&effects).copied().collect();
         // What these readings cannot fit is no hypothesis of them.
         let Ok(one) = fit(small, instances, Some(last)) else { continue };
+        let one = with_conventions(small, one);
         let effects = effects.iter().map(|i| Place::of(small, i)).collect();
         out.push(Hypothesis { kind, effects, ..of_fit(traced, small, &one, known)? });
     }
@@ -71,9 +72,10 @@ fn of_law(traced: &Traced, law: &UnknownLaw) -> Result<Option<Hypothesis>, Error
     let mut less = traced.small.clone();
     less.readings = Arc::new(less.readings.less(channel, &law.errors));
     let kept = traced.last.model.instances.iter().filter(|i| !law.replaces.contains(i));
-    let Ok(mut one) = fit(&less, kept.copied().collect(), Some(&traced.last)) else {
+    let Ok(one) = fit(&less, kept.copied().collect(), Some(&traced.last)) else {
         return Ok(None);
     };
+    let mut one = with_conventions(&less, one);
     one.dof = (one.dof - law.told).max(0.0);
     let (kind, effects) = (HypothesisKind::UnknownLaw, with_law(traced, law));
     Ok(Some(Hypothesis { kind, effects, ..of_fit(traced, &less, &one, None)? }))
