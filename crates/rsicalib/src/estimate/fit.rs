@@ -273,8 +273,7 @@ fn minimum(
     let mut adjusted = earlier.map(<[Lanes]>::to_vec);
     let ptol = if judged { ENOUGH } else { observations.options.lm.ptol };
     let lm = lm::SolverOptions { ptol, ..observations.options.lm.clone() };
-    let mut declared = observations.options.noise.is_some()
-        || observations.mechanism.channels.iter().all(|c| c.noise.is_some());
+    let mut declared = observations.declares_noise();
     let mut warnings: Vec<Suspicion> =
         start.warnings.iter().filter(|w| w.of_wiring()).cloned().collect();
     if !judged {
@@ -412,9 +411,11 @@ fn minimum(
         fit.adjusted = adjusted.map(|it| Adjusted::new(&observations.readings, it));
     } else {
         let judged = fit.dof >= 1.0 && fit.plausible && !fit.is_lost();
-        let chi2 = judged.then_some([fit.chi2, fit.dof]);
+        let of_play = doubts::of_play(observations, &fit).filter(|_| judged);
+        let chi2 = (judged && of_play.is_none()).then_some([fit.chi2, fit.dof]);
         let play = fit.model.play().iter().any(|play| *play > 0.0);
         fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
+        fit.warnings.extend(of_play);
         fit.warnings.extend(doubts::of_lengths(observations, &fit.model, &fit.noise));
         let no_start = !fit.has_start();
         let fit_by = |other: &Observations, terms: Vec<Instance>| {
