@@ -90,3 +90,10 @@ def test_noise_and_play_that_are_declared_together_are_said_together() -> None:
     found = rsicalib.calibrate(*session(1, 10.0, declared=True))
     assert found.verdict == "unjudged"
     assert [warned.target for warned in of_noise(found)] == [None]
+
+
+@pytest.mark.parametrize("seed", range(5, 9))
+def test_a_pose_within_the_declared_play_is_not_struck_out(seed: int) -> None:
+    """An effect that such a play hides makes poses stand off the others, and none is wrong."""
+    found = rsicalib.trace(*session(2, 10.0, seed=seed, error=2e-3))
+    assert not found.excluded and found.after.chi2 < found.after.dof
