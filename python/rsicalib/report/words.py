@@ -248,7 +248,8 @@ def sentence(result: ResultShape) -> str:
         return "Calibrated open loop, from known poses: a straight line for each channel."
     if result.verdict == "unjudged":
         found = _found(result)
-        return f"Unjudged: a calibration{found}, and nothing to judge it by: {judged}."
+        why = "" if fit.p_value is None else " (the declared noise is too large)"
+        return f"Unjudged: a calibration{found}, and nothing to judge it by{why}: {judged}."
     if isinstance(result, TraceShape) and result.steps:
         missing = listed_words([subject(step) for step in result.steps])
         were = "was" if len(result.steps) == 1 else "were"
@@ -548,6 +549,9 @@ def advice(result: ResultShape) -> list[str]:
             "To judge the fit, declare how well what is touched holds its place: `noise` of the "
             "closure in the mechanism file."
             if seated
+            else "To judge the fit, declare noise and play as small as the readings show them: "
+            "what is smaller passes for them."
+            if fit.p_value is not None
             else "To judge the fit, hold each pose for a few samples (the same number in column "
             "`pose`), or declare the noise with --noise."
         )

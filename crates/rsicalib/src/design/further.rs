@@ -19,8 +19,7 @@ use crate::design::reachable::{Reachable, around, reachable};
 use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::candidates::absent;
-use crate::estimate::conventions::{Conventions, Here};
-use crate::estimate::{Fit, Observations, fit};
+use crate::estimate::{Fit, Observations, fit, with_conventions};
 use crate::model::{Instance, Model, Want, Workspace, parse};
 use crate::numerics::random::Random;
 use crate::numerics::symmetric::{Unseen, invert};
@@ -174,7 +173,7 @@ pub fn further(
     session.options.lm = observations.options.lm.clone();
     let fits: Vec<Fit> = effects
         .iter()
-        .map(|effects| fit(&session, with(effects), Some(&whole)))
+        .map(|effects| Ok(with_conventions(&session, fit(&session, with(effects), Some(&whole))?)))
         .collect::<Result<_, _>>()?;
     let all: Vec<Instance> = effects.concat();
     let shared = |e: &Instance| effects.iter().all(|of| of.contains(e));
@@ -190,7 +189,7 @@ pub fn further(
     let judged = found.some(&(0..found.len().min(JUDGED)).collect::<Vec<_>>());
 
     let old = at.session();
-    let mut sides: Vec<Side> = fits.iter().map(|f| Side::of(&at, &session, f, &old)).collect();
+    let mut sides: Vec<Side<'_>> = fits.iter().map(|f| Side::of(&at, f, &old)).collect();
     let mut rows = visits.rows(&at, &found, 0, 0.0, visits.start())?;
     sides.iter_mut().for_each(|side| side.hold(&rows));
     let mut contest = contest_of(rivals, &sides);
@@ -199,7 +198,7 @@ pub fn further(
         false => None,
     };
     let (kept, merged) = merge(&mut contest, &sides, &rows, later.as_ref());
-    let sides: Vec<&Side> = kept.iter().map(|&k| &sides[k]).collect();
+    let sides: Vec<&Side<'_>> = kept.iter().map(|&k| &sides[k]).collect();
     // Of belts nothing is carried whose place a plan could make certain.
     let carries = session.mechanism.points.iter().any(|point| point.chain.is_some());
     let criterion = options.criterion.unwrap_or(match kept.len() {
@@ -306,7 +305,8 @@ struct Step {
 }
 
 /// An explanation, linear at the common point.
-struct Side {
+struct Side<'a> {
+    fit: &'a Fit,
     columns: Vec<usize>,
     theta: Vec<f64>,
     /// Of the session and of priors.
@@ -317,8 +317,8 @@ struct Side {
     held: Unseen,
 }
 
-impl Side {
-    fn of(at: &Linearised<'_>, session: &Observations, fit: &Fit, old: &Whitened) -> Self {
+impl<'a> Side<'a> {
+    fn of(at: &Linearised<'_>, fit: &'a Fit, old: &Whitened) -> Self {
         let columns = at.columns_of(&fit.model);
         let theta = columns.iter().zip(&fit.beta).map(|(&c, b)| b - at.beta[c]).collect();
         let n = columns.len();
@@ -331,26 +331,29 @@ impl Side {
                 }
             }
         }
-        // What noise and play seem to tell of conventions is nothing that more poses could add to.
-        let told = old.select(&columns).gram();
-        let Fit { model, beta, .. } = fit;
-        let noise = &fit.assumed();
-        let here = Here { observations: session, model, priors: &fit.priors, beta, noise };
-        let information = Conventions::of(here, &told).out_of(told) + &priors;
         let held = Unseen::of(&Mat::identity(n, n));
-        Self { columns, theta, information, priors, held }
+        let information = Mat::zeros(n, n);
+        let mut side = Self { fit, columns, theta, information, priors, held };
+        side.information = side.told(old) + &side.priors;
+        side
+    }
+
+    /// What rows tell. What noise and play seem to tell of conventions is nothing that more poses could add to;
+    /// and the rows of all explanations are those at one point, at which the loops of one may stay open.
+    fn told(&self, rows: &Whitened) -> Mat<f64> {
+        self.fit.conventions.out_of(rows.select(&self.columns).gram())
     }
 
     /// Holds what neither the session nor any of these poses tells, such as the place of the whole:
     /// a plan for it would be made of rounding.
     fn hold(&mut self, rows: &Whitened) {
-        self.held = Unseen::of(&(&self.information + rows.select(&self.columns).gram()));
+        self.held = Unseen::of(&(&self.information + self.told(rows)));
         self.information += self.held.holds.transpose() * &self.held.holds;
     }
 }
 
-fn contest_of(rivals: &[Explained], sides: &[Side]) -> Contest {
-    let one = |(r, s): (&Explained, &Side)| Rival {
+fn contest_of(rivals: &[Explained], sides: &[Side<'_>]) -> Contest {
+    let one = |(r, s): (&Explained, &Side<'_>)| Rival {
         theta: s.theta.clone(),
         information: s.information.clone(),
         probability: r.probability,
@@ -364,7 +367,7 @@ fn contest_of(rivals: &[Explained], sides: &[Side]) -> Contest {
 /// All candidates are visited `now`, and `later` after a pause where time matters.
 fn merge(
     contest: &mut Contest,
-    sides: &[Side],
+    sides: &[Side<'_>],
     now: &Whitened,
     later: Option<&Whitened>,
 ) -> (Vec<usize>, Vec<[usize; 2]>) {
@@ -394,7 +397,7 @@ fn merge(
     (kept, merged)
 }
 
-fn select(rows: &Whitened, sides: &[&Side]) -> Vec<Whitened> {
+fn select(rows: &Whitened, sides: &[&Side<'_>]) -> Vec<Whitened> {
     sides.iter().map(|s| rows.select(&s.columns)).collect()
 }
 
@@ -542,7 +545,7 @@ fn exchanged(chosen: &[usize]) -> std::ops::Range<usize> {
 /// Pose by pose where time or the direction of approach matters: the rows change on the way.
 struct Turns<'a> {
     at: &'a Linearised<'a>,
-    sides: &'a [&'a Side],
+    sides: &'a [&'a Side<'a>],
     /// Numbers of the rivals of `sides`.
     kept: &'a [usize],
     found: &'a Reachable,
@@ -812,7 +815,7 @@ fn submatrix(m: &Mat<f64>, columns: &[usize]) -> Mat<f64> {
 }
 
 /// Standard deviation of the platform before and after.
-fn platform_sd(side: &Side, new: &Whitened, moments: &Moments) -> [PlatformRms; 2] {
+fn platform_sd(side: &Side<'_>, new: &Whitened, moments: &Moments) -> [PlatformRms; 2] {
     let after = &side.information + new.select(&side.columns).gram();
     let of = |information: &Mat<f64>| {
         let rms = |m: &Mat<f64>| known_sd(information, &side.held, &submatrix(m, &side.columns));
@@ -855,7 +858,7 @@ fn hidden(
         absent(session, best, &[]).into_iter().filter(|i| !i.term.info().penalised).collect();
     let at = Linearised::new(session, best, &named, &[])?;
     let old = at.session();
-    let side = Side::of(&at, session, best, &old);
+    let side = Side::of(&at, best, &old);
     let before = with_priors(&old, &side.priors, &side.columns);
     let after = &before + visits.visited(&at, planned, steps)?.gram();
     let some: Vec<usize> = (0..judged.len()).step_by(2).collect();

@@ -13,7 +13,7 @@ use crate::diagnosis::stretches::Stretches;
 use crate::estimate::noise::open;
 use crate::estimate::noise::source::variance_of_readings;
 use crate::estimate::on_closures::means;
-use crate::estimate::{Fit, FitOptions, Observations, fit};
+use crate::estimate::{Fit, FitOptions, Noise, Observations, fit};
 use crate::model::Instance;
 use crate::numerics::lm;
 use crate::readings::Readings;
@@ -92,25 +92,18 @@ impl<'a> Averaged<'a> {
         search: &'a SearchOptions,
     ) -> Self {
         let mut small = observations.clone();
-        let (mut sigma, mut play) = (fit.assumed().sigma, fit.noise.play);
-        let mut measured = fit.noise.measured.clone();
+        let mut share = 1.0;
         if let Some((readings, counts)) = averaged {
             let usual = counts.iter().copied().fold(1.0, f64::max);
             small.weights = counts.iter().map(|n| (n / usual).sqrt()).collect();
             small.readings = readings.into();
-            let share = inflation / usual;
-            sigma.iter_mut().for_each(|s| *s *= share.sqrt());
-            // Every row of a recording has a play of its own; the samples of a pose share one, and each
-            // has measured its own length.
-            if !small.readings.held {
-                play *= share;
-            }
-            measured.iter_mut().for_each(|factor| *factor *= share);
+            share = inflation / usual;
         }
+        let Noise { sigma, play, seating, measured } =
+            fit.noise.of_means(share, small.readings.held);
         let lm = lm::SolverOptions { ftol: CREEPS, xtol: SHORT, ..observations.options.lm.clone() };
         let noise = Some(sigma);
         small.judged = true;
-        let seating = fit.noise.seating.clone();
         let measured = Some(measured);
         small.options =
             FitOptions { noise, play, seating, measured, lm, ..observations.options.clone() };

@@ -13,11 +13,14 @@ use crate::diagnosis::score::candidates;
 use crate::diagnosis::score::projection::{Projected, project};
 use crate::diagnosis::score::scored::named_places;
 use crate::diagnosis::trace::Traced;
-use crate::estimate::carry_over;
+use crate::estimate::conventions::OPENED;
 use crate::estimate::directions::{as_reported, place, unit};
+use crate::estimate::{Fit, Observations, carry_over, conventions_of};
 use crate::model::Instance;
-use crate::numerics::symmetric::VISIBLE;
+use crate::numerics::rank::Spaces;
+use crate::numerics::symmetric::{VISIBLE, eigenvalues};
 use crate::numerics::workers;
+use crate::terms::targets::typical;
 
 /// How large an absent effect would have to be to be seen, and what it would do meanwhile.
 #[derive(Debug, Clone, PartialEq)]
@@ -86,6 +89,47 @@ impl Hardest {
     }
 }
 
+/// Directions of an effect that some reading could tell, each of typical size: a column for each; none where there
+/// is none. What no reading could tell is as drawn, whether a model has a parameter of it or not.
+fn units(
+    observations: &Observations,
+    fit: &Fit,
+    effect: Instance,
+    candidate: &Projected,
+) -> Option<Mat<f64>> {
+    let typical = typical(&observations.mechanism, effect.term, effect.target);
+    let d = typical.len();
+    let all = Mat::from_fn(d, d, |i, j| if i == j { typical[i] } else { 0.0 });
+    let weak = weak(fit, candidate);
+    if weak.is_empty() {
+        return Some(all);
+    }
+    let lost = conventions_of(observations, fit, effect).unwrap_or(0).min(weak.len());
+    let lost = Mat::from_fn(lost, d, |k, i| weak[k][i] / typical[i]);
+    let told = Spaces::of(&lost)?.null;
+    (told.ncols() > 0).then(|| all * told)
+}
+
+/// Directions of a candidate of which the session tells next to nothing once all that is fitted follows, the weakest first.
+fn weak(fit: &Fit, candidate: &Projected) -> Vec<Vec<f64>> {
+    let d = candidate.raw.len();
+    let length: Vec<f64> =
+        candidate.raw.iter().map(|raw| raw.sqrt().max(f64::MIN_POSITIVE)).collect();
+    let square = Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] / (length[i] * length[j]));
+    let Some((values, vectors)) = eigenvalues(square.as_ref()) else { return Vec::new() };
+    let along = |k: usize| -> Vec<f64> { (0..d).map(|i| vectors[(i, k)] / length[i]).collect() };
+    let follows = |v: &[f64], i: usize| -> f64 {
+        let by: f64 = v.iter().zip(candidate.absorbed.row(i).iter()).map(|(v, by)| v * by).sum();
+        by * by * fit.gram[(i, i)]
+    };
+    let told = |(value, v): &(f64, Vec<f64>)| {
+        let follow: f64 = (0..fit.gram.nrows()).map(|i| follows(v, i)).sum();
+        value / (1.0 + follow) < OPENED
+    };
+    let ways = values.iter().enumerate().map(|(k, value)| (*value, along(k)));
+    ways.filter(told).map(|(_, v)| v).collect()
+}
+
 /// How large each absent effect would have to be to be seen, and what it would do.
 ///
 /// # Errors
@@ -110,13 +154,13 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
     let of_one = |((instance, candidate), first): ((&Instance, Projected), &usize)| {
         let info = instance.term.info();
         let d = info.parameters.len();
-        let typical =
-            crate::terms::targets::typical(&observations.mechanism, instance.term, instance.target);
-        let square = Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] * typical[i] * typical[j]);
-        let raw: f64 = (0..d).map(|i| candidate.raw[i] * typical[i] * typical[i]).sum();
-        let hardest = Hardest::of(&square, raw, seen);
+        let units = units(observations, last, *instance, &candidate)?;
+        let square = units.transpose() * &candidate.square * &units;
+        let share = |i: usize| candidate.raw[i] * units.row(i).squared_norm_l2();
+        let hardest = Hardest::of(&square, (0..d).map(share).sum(), seen);
         let direction = hardest.map(|it| -> Vec<f64> {
-            (0..d).map(|i| it.direction[i] * typical[i] * it.size).collect()
+            let along = |i: usize| units.row(i).iter().zip(&it.direction).map(|(u, v)| u * v);
+            (0..d).map(|i| along(i).sum::<f64>() * it.size).collect()
         });
         let largest = |all: &Vec<f64>| all.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let moves = |direction: &[f64]| {
@@ -130,7 +174,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
             platform.as_ref().map(|platform| platform.by(&change))
         };
         let platform_rms = direction.as_deref().and_then(&moves);
-        let open = Open::of(&candidate, &typical)?;
+        let open = Open::of(&candidate, &units)?;
         let size = open.size(|direction| moves(direction).map(|rms| rms.position));
         let unseen = open.unseen(&to_reported, &candidate.absorbed, base);
         let found = Detectability {

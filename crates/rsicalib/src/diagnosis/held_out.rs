@@ -16,7 +16,9 @@ use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::score::scored::Judge;
 use crate::diagnosis::stretches::Stretches;
-use crate::estimate::{Fit, Implicit, Misfit, Noise, Observations, Part, fit, place_untouched};
+use crate::estimate::{
+    Fit, Implicit, Misfit, Noise, Observations, Part, fit, place_untouched, with_conventions,
+};
 use crate::numerics::workers;
 
 /// Folds of the cross-validation.
@@ -144,5 +146,6 @@ pub fn averaged(
     let mut small = fit(&averaged.small, full.model.instances.clone(), Some(full))?;
     averaged.rescale(&mut small)?;
     let judge = averaged.judge(&small);
+    let small = with_conventions(&averaged.small, small);
     Ok((averaged.small, small, judge))
 }

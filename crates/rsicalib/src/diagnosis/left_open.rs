@@ -22,16 +22,17 @@ pub(crate) struct Open {
 }
 
 impl Open {
-    /// (141) of a candidate with these typical sizes.
-    pub(crate) fn of(candidate: &Projected, typical: &[f64]) -> Option<Self> {
-        let d = typical.len();
-        // In typical sizes: D M D.
-        let square = Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] * typical[i] * typical[j]);
+    /// (141) of a candidate in these units, a column for each direction of typical size.
+    pub(crate) fn of(candidate: &Projected, units: &Mat<f64>) -> Option<Self> {
+        let d = units.nrows();
+        // D M D
+        let square = units.transpose() * &candidate.square * units;
         let eigen = square.self_adjoint_eigen(Side::Lower).ok()?;
         let (values, axes) = (eigen.S().column_vector(), eigen.U());
         let (mut factor, mut mean, mut directions) = (0.0, vec![0.0; d], Vec::with_capacity(d));
-        for k in 0..d {
-            let axis: Vec<f64> = (0..d).map(|i| typical[i] * axes[(i, k)]).collect();
+        let axes = units * axes;
+        for k in 0..units.ncols() {
+            let axis: Vec<f64> = (0..d).map(|i| axes[(i, k)]).collect();
             let variance = 1.0 / (1.0 + values[k].max(0.0));
             let along: f64 = axis.iter().zip(&candidate.gradient).map(|(a, u)| a * u).sum();
             factor += 0.5 * (along * along * variance + variance.ln());

@@ -28,7 +28,7 @@ use crate::estimate::at_fit::AtFit;
 use crate::estimate::directions::directions;
 use crate::estimate::progress::Stage;
 use crate::estimate::suspicion::Suspicion;
-use crate::estimate::{Fit, Observations, fit, with_groups};
+use crate::estimate::{Fit, Observations, fit, with_conventions, with_groups};
 use crate::model::{Instance, Model};
 use crate::screening::converter;
 use crate::screening::excluded::Excluded;
@@ -330,9 +330,9 @@ fn explain(
         before: with_groups(before, all),
         after,
         observations,
-        small,
         stretches,
-        last: current,
+        last: with_conventions(&small, current),
+        small,
         found,
         excluded,
         left,

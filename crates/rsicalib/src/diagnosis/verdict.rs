@@ -150,6 +150,8 @@ pub struct Evidence {
     pub p_value: Option<f64>,
     /// χ² of the residual per degree of freedom.
     pub chi2_per_dof: Option<f64>,
+    /// True where the larger part of the noise that judges it is not there.
+    pub loose: bool,
     /// True where effects were found.
     pub found: bool,
     /// True where the effects found may stand for another, or, where there are none, a law that no term
@@ -287,7 +289,8 @@ pub struct Judgement {
 /// Loops that stay open come first, then what is undetermined, then effects that are absurd. Readings that
 /// tell no more of where things are than the drawing does determine nothing, unless known poses tell more. What known poses, groups that were not fitted and
 /// poses left out in turn contradict is not adequate, nor explained, whatever the residual is;
-/// without a contradiction what nothing judges is unjudged.
+/// without a contradiction what nothing judges is unjudged. So is what a noise judges of which the larger part is not
+/// there, and what it predicts says nothing.
 #[must_use]
 pub fn judge(evidence: &Evidence) -> Judgement {
     let one = |verdict, kind| Judgement { verdict, reasons: vec![Reason::of(kind)] };
@@ -308,13 +311,15 @@ pub fn judge(evidence: &Evidence) -> Judgement {
     // What known poses show comes before what is predicted; so does what is left.
     if let Some([found, expected]) = evidence.predicted.filter(|[sd, before]| sd >= before)
         && evidence.check.is_none()
+        && !evidence.loose
         && reasons.is_empty()
     {
         let (found, expected) = (Some(found), Some(expected));
         let reason = Reason { found, expected, ..Reason::of(Why::Predicted) };
         return Judgement { verdict: Verdict::Undetermined, reasons: vec![reason] };
     }
-    let verdict = match (reasons.is_empty(), evidence.found, evidence.p_value) {
+    let judged = evidence.p_value.filter(|_| !evidence.loose);
+    let verdict = match (reasons.is_empty(), evidence.found, judged) {
         (true, _, None) => Verdict::Unjudged,
         (true, false, _) => Verdict::Adequate,
         (true, true, _) => Verdict::Explained,
@@ -452,6 +457,12 @@ mod tests {
         assert_eq!(said(&Evidence { found: true, ..clean() }), (Verdict::Explained, vec![]));
         assert_eq!(said(&Evidence { p_value: None, ..clean() }), (Verdict::Unjudged, vec![]));
         assert_eq!(said(&Evidence::default()), (Verdict::Undetermined, vec![Why::Nothing]));
+        let loose = Evidence { p_value: Some(1.0), loose: true, ..clean() };
+        assert_eq!(said(&loose), (Verdict::Unjudged, vec![]));
+        let far = Evidence { predicted: Some([2.0, 1.0]), ..loose };
+        assert_eq!(said(&far), (Verdict::Unjudged, vec![]));
+        assert_eq!(said(&Evidence { loose: false, ..far }).0, Verdict::Undetermined);
+        assert_eq!(said(&Evidence { check_declared: worse(), ..far }).0, Verdict::Unexplained);
     }
 
     #[test]

@@ -38,7 +38,7 @@ use crate::terms::term::{Acts, Placed, Term};
 
 /// The most that misclosures, a thousandth of the machine at the most, tell of a convention: unit
 /// columns, squared.
-const OPENED: f64 = 1e-6;
+pub(crate) const OPENED: f64 = 1e-6;
 
 /// A direction shows itself by more than this part of what its parameters would, did they not cancel:
 /// the root of how well a Gram matrix tells a direction, with room for condition.
@@ -129,6 +129,11 @@ impl Conventions {
         let device: Vec<usize> = terms.filter(|i| !followers.contains(i)).collect();
         found.rows = reduced(found.basis.clone(), &device, &[]);
         found
+    }
+
+    /// How many there are.
+    pub(crate) fn number(&self) -> usize {
+        self.basis.len()
     }
 
     /// A Gram matrix without what it seems to tell of them.

@@ -1,7 +1,10 @@
 //! Doubts about what a session declares: units, noise, and readings that say nothing new.
 
 use crate::estimate::degrees;
-use crate::estimate::noise::source::{ALIKE, NoiseEstimate, Source, misdeclared};
+use crate::estimate::fitted::Fit;
+use crate::estimate::noise::source::{
+    ALIKE, DOUBT, LARGER_PART, NoiseEstimate, Source, misdeclared,
+};
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Suspicion, Witness};
 use crate::model::Model;
@@ -57,6 +60,24 @@ pub(crate) fn of_noise(
         found.extend(factor.map(|factor| Suspicion::Noise { by: Witness::Fit, factor, play }));
     }
     found
+}
+
+/// Declared play of which less is left than chance allows: a residual of poses that are read twice is judged by
+/// it, and so is one where nothing else is declared. Of what is left, the readings make their part as they are.
+pub(crate) fn of_play(observations: &Observations, fit: &Fit) -> Option<Suspicion> {
+    let [readings, ratio] = [fit.noise.share, fit.chi2 / fit.dof];
+    let by_chance = fit.p_value.is_none_or(|above| 1.0 - above >= DOUBT);
+    // Where the noise of readings is declared, too, and used, either may be too large.
+    let both = fit.noise.source == Source::Declared && observations.declares_noise();
+    if by_chance || both || readings >= LARGER_PART {
+        return None;
+    }
+    let error = (2.0 / fit.dof).sqrt().min(1.0) * ratio;
+    let factor = ((ratio - readings).max(error) / (1.0 - readings)).sqrt();
+    let mechanism = &fit.model.mechanism;
+    let plays = |k: &usize| mechanism.closures[*k].noise.is_some_and(|noise| noise > 0.0);
+    let closures: Vec<usize> = (0..mechanism.closures.len()).filter(plays).collect();
+    (factor < 1.0 / ALIKE && !closures.is_empty()).then_some(Suspicion::Play { closures, factor })
 }
 
 /// Lengths and points that are read with every sample, whose noise is not what they declare.

@@ -266,8 +266,7 @@ fn minimum(
     let mut adjusted = earlier.map(<[Lanes]>::to_vec);
     let ptol = if judged { ENOUGH } else { observations.options.lm.ptol };
     let lm = lm::SolverOptions { ptol, ..observations.options.lm.clone() };
-    let mut declared = observations.options.noise.is_some()
-        || observations.mechanism.channels.iter().all(|c| c.noise.is_some());
+    let mut declared = observations.declares_noise();
     let mut warnings: Vec<Suspicion> =
         start.warnings.iter().filter(|w| w.of_wiring()).cloned().collect();
     if !judged {
@@ -405,9 +404,11 @@ fn minimum(
         fit.adjusted = adjusted.map(|it| Adjusted::new(&observations.readings, it));
     } else {
         let judged = fit.dof >= 1.0 && fit.plausible && !fit.is_lost();
-        let chi2 = judged.then_some([fit.chi2, fit.dof]);
+        let of_play = doubts::of_play(observations, &fit).filter(|_| judged);
+        let chi2 = (judged && of_play.is_none()).then_some([fit.chi2, fit.dof]);
         let play = fit.model.play().iter().any(|play| *play > 0.0);
         fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
+        fit.warnings.extend(of_play);
         fit.warnings.extend(doubts::of_lengths(observations, &fit.model, &fit.noise));
         let no_start = !fit.has_start();
         let fit_by = |other: &Observations, terms: Vec<Instance>| {
@@ -541,11 +542,11 @@ fn conclude(
         true => Conventions::default(),
         false => Conventions::of(here, &gram),
     };
-    let gram = conventions.out_of(gram);
     let stays = match observations.judged {
         true => start.stays,
         false => conventions.stay(&model),
     };
+    let Told { gram, inverse, unknowable, condition } = Told::of(&conventions, gram);
 
     let k = residuals.equations;
     let live: Vec<usize> =
@@ -553,8 +554,6 @@ fn conclude(
     let of = |r: &usize| residuals.whitened[r * k..(r + 1) * k].iter().map(|v| v * v).sum::<f64>();
     let total: f64 = live.iter().map(of).sum();
     let told = model.told_by(&observations.readings, &observations.weights);
-    let (inverse, unknowable, condition) = invert(&gram);
-    let inverse = conventions.held_in(&inverse);
     let (mut chi2, mut dof) =
         (total, told as f64 - free_parameters(&gram, &inverse, &priors, &outcome.x));
     let mut within = 0.0;
@@ -571,7 +570,7 @@ fn conclude(
         .then(|| distributions::f_tail(chi2 / dof, dof, noise.dof_of_pose()));
 
     let wider = widening(&noise, p_value, chi2 / dof);
-    let covariance = Mat::from_fn(n, n, |i, j| inverse[(i, j)] * wider);
+    let covariance = times(&inverse, wider);
     let weights = Some(&observations.weights[..]);
     let part = Part { model: &model, readings: &observations.readings, weights };
     let rms_misclosure = part.rms_misclosure(&outcome.x);
@@ -615,6 +614,63 @@ fn conclude(
         between: None,
         adjusted: None,
     }
+}
+
+/// A Gram matrix without what it seems to tell of conventions, and what it tells then.
+struct Told {
+    gram: Mat<f64>,
+    /// With conventions where they are drawn.
+    inverse: Mat<f64>,
+    unknowable: Vec<bool>,
+    condition: f64,
+}
+
+impl Told {
+    fn of(conventions: &Conventions, gram: Mat<f64>) -> Self {
+        let gram = conventions.out_of(gram);
+        let (inverse, unknowable, condition) = invert(&gram);
+        Self { inverse: conventions.held_in(&inverse), gram, unknowable, condition }
+    }
+}
+
+/// A fit of a search without what noise and play seem to tell of conventions. A search itself holds those
+/// that it begins with, and looks for none: it compares fits of the same noise and play. Whoever asks how well something is
+/// known asks it of this fit.
+#[must_use]
+pub fn with_conventions(observations: &Observations, fit: Fit) -> Fit {
+    if !observations.judged {
+        return fit;
+    }
+    let Fit { model, priors, beta, .. } = &fit;
+    let here = Here { observations, model, priors, beta, noise: &fit.assumed() };
+    let conventions = Conventions::of(here, &fit.gram);
+    let stays = conventions.stay(model);
+    let Told { gram, inverse, unknowable, condition } = Told::of(&conventions, fit.gram);
+    let covariance = times(&inverse, widening(&fit.noise, fit.p_value, fit.chi2 / fit.dof));
+    Fit { gram, covariance, unknowable, condition, conventions, stays, ..fit }
+}
+
+/// Directions of a fit with one more term that no reading could show, beyond those without it.
+///
+/// # Errors
+///
+/// As [`Model::new`].
+pub(crate) fn conventions_of(
+    observations: &Observations,
+    fit: &Fit,
+    term: Instance,
+) -> Result<usize, Error> {
+    let model = &observations.model_beside(&fit.model, &[term])?;
+    let (beta, priors) = (&carry_over(fit, model)[..], &observations.priors(model)[..]);
+    let Observations { readings, weights, .. } = observations;
+    let (part, noise) = (Part { model, readings, weights: Some(weights) }, &fit.assumed());
+    let gram = Implicit::new(vec![(part, noise.clone())], priors).linearize(beta).gram();
+    let here = Here { observations, model, priors, beta, noise };
+    Ok(Conventions::of(here, &gram).number().saturating_sub(fit.conventions.number()))
+}
+
+fn times(matrix: &Mat<f64>, factor: f64) -> Mat<f64> {
+    Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] * factor)
 }
 
 /// Factor of the covariance beside the inverse of the Gram matrix: of correlated noise, and of a

@@ -147,6 +147,14 @@ impl Fit {
         self.noise.judges() && !(repeated && self.noise.share >= LARGER_PART)
     }
 
+    /// True where the larger part of the variance that is declared is not there: a residual as large as all
+    /// noise there is would pass for it.
+    #[must_use]
+    pub fn is_loose(&self) -> bool {
+        let doubted = self.warnings.iter().any(Suspicion::of_noise_that_is_too_large);
+        doubted && self.chi2 < LARGER_PART * self.dof
+    }
+
     /// True where the length of something known takes part in a convention: then nothing says how long
     /// anything is.
     pub(crate) fn has_no_scale(&self) -> bool {

@@ -111,6 +111,11 @@ impl Observations {
         Model::about(earlier, &self.mechanism, &self.readings, instances, &self.centre)
     }
 
+    /// True where the noise of all channels is declared.
+    pub(crate) fn declares_noise(&self) -> bool {
+        self.options.noise.is_some() || self.mechanism.channels.iter().all(|c| c.noise.is_some())
+    }
+
     /// The model of a fit of these readings with candidates beside its terms.
     ///
     /// # Errors

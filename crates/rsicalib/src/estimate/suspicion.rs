@@ -114,6 +114,13 @@ pub enum Suspicion {
         /// True where play was declared, too, and is multiplied with it.
         play: bool,
     },
+    /// Declared play is larger than what is left allows.
+    Play {
+        /// The closures, counted in the mechanism.
+        closures: Vec<usize>,
+        /// By what it would have to be multiplied.
+        factor: f64,
+    },
     /// The declared noise of a length or a point that is read with every sample is not what these show.
     LengthNoise {
         /// The closure, counted in the mechanism.
@@ -161,6 +168,17 @@ impl Suspicion {
     #[must_use]
     pub fn is_no_start(&self) -> bool {
         matches!(self, Self::NoStart { .. } | Self::Lost { .. })
+    }
+
+    /// True where noise or play is declared larger than what is left allows.
+    #[must_use]
+    pub fn of_noise_that_is_too_large(&self) -> bool {
+        match self {
+            Self::Noise { by: Witness::Fit, factor, .. } | Self::Play { factor, .. } => {
+                *factor < 1.0
+            }
+            _ => false,
+        }
     }
 
     /// True where a frame is not found.

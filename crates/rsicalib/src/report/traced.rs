@@ -426,6 +426,7 @@ pub fn traced(
         open: absurd.iter().any(Absurdity::is_of_readings),
         p_value,
         chi2_per_dof: after.chi2_per_dof(),
+        loose: traced.after.is_loose(),
         found: !traced.found.is_empty(),
         doubtful: matches!(residual, Residual::Doubtful(_) | Residual::UnknownLaw(_)),
         held_out: after.held_out,

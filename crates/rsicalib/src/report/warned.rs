@@ -264,6 +264,9 @@ fn of_suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> Warned {
         Suspicion::Length { at, .. } => (Kind::Units, Some(words::length(mechanism, *at).0)),
         Suspicion::Coarse { channel, .. } => (Kind::Coarse, channels(&[*channel])),
         Suspicion::Noise { .. } => (Kind::Noise, None),
+        Suspicion::Play { closures, .. } => {
+            (Kind::Noise, joined(closures.iter().map(closure).collect()))
+        }
         Suspicion::LengthNoise { closure, .. } => {
             (Kind::Noise, Some(mechanism.closures[*closure].name.clone()))
         }

@@ -17,7 +17,7 @@ use crate::estimate::significance::NORMAL_95;
 use crate::estimate::suspicion::{Closes, InDegrees, Measure, Scaled, Shown, Suspicion, Witness};
 use crate::estimate::tried::{Gains, Origin};
 use crate::estimate::{AnchorKind, Fit, Observations};
-use crate::mechanism::{Law, Mechanism, Target};
+use crate::mechanism::{Closure, Law, Mechanism, Target};
 use crate::model::Instance;
 use crate::monitor::closing::OpenLoops;
 use crate::numerics::lm::Termination;
@@ -308,6 +308,7 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
             100.0 * share
         ),
         Suspicion::Noise { by, factor, play } => declared_noise(*by, *factor, *play),
+        Suspicion::Play { closures, factor } => declared_play(mechanism, closures, *factor),
         Suspicion::LengthNoise { closure, by, declared, factor } => format!(
             "{} declares noise = {} {}: {} show {} times as much, which is used",
             mechanism.closures[*closure].name,
@@ -436,6 +437,21 @@ fn declared_noise(by: Witness, factor: f64, play: bool) -> String {
         ),
     };
     words + unit
+}
+
+/// Declared play of which less is left.
+fn declared_play(mechanism: &Mechanism, closures: &[usize], factor: f64) -> String {
+    let would_fit = |&closure: &usize| {
+        let Closure { name, noise, .. } = &mechanism.closures[closure];
+        let noise = significant(noise.unwrap_or_default() * factor, 2);
+        format!("noise = {noise} of {name}")
+    };
+    let times = significant(factor, 2);
+    format!(
+        "the declared play is too large: the residual is smaller than chance allows, and {times} \
+         times as much would fit ({})",
+        closures.iter().map(would_fit).collect::<Vec<_>>().join(", ")
+    )
 }
 
 fn loop_closes(Closes { with, declared }: Closes) -> String {

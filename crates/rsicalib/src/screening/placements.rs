@@ -14,7 +14,8 @@
 //!
 //! `s²` is from the median over all samples, and over all runs, which damage hardly
 //! moves: what a model lacks makes neighbouring rows alike in every run. A run that scatters more than
-//! that by itself, as where an arm differs from placement to placement, has an `s²` of its own.
+//! that by itself, as where an arm differs from placement to placement, has an `s²` of its own. None is less than
+//! the noise by which the fit itself is judged, where there is one: what is within it is not wrong.
 
 use crate::Error;
 use crate::estimate::at_fit::AtFit;
@@ -62,16 +63,17 @@ pub fn find(observations: &mut Observations, fit: &Fit) -> Result<Vec<Damage>, E
     if fit.model.placements(&observations.readings).is_none() {
         return Ok(Vec::new());
     }
+    let declared = f64::from(u8::from(fit.noise.judges()));
     let readings = observations.readings.clone();
     if !readings.held || readings.samples == readings.poses() {
-        return found_in(observations, fit);
+        return found_in(observations, fit, declared);
     }
     // All samples of a pose read one seating: a pose is one sample then, however many it has.
     let poses = readings.rows_of_poses();
     let mut seatings = of_seatings(observations, fit)?;
     let there = crate::estimate::fit(&seatings, fit.model.instances.clone(), Some(fit))?;
     let mut excluded = Vec::new();
-    for Damage { found, rows: seats } in found_in(&mut seatings, &there)? {
+    for Damage { found, rows: seats } in found_in(&mut seatings, &there, declared)? {
         let rows = seats.iter().flat_map(|&pose| poses[pose].iter().copied());
         let rows: Vec<usize> = rows.filter(|&row| observations.weights[row] > 0.0).collect();
         rows.iter().for_each(|&row| observations.weights[row] = 0.0);
@@ -82,13 +84,15 @@ pub fn find(observations: &mut Observations, fit: &Fit) -> Result<Vec<Damage>, E
     Ok(excluded)
 }
 
-/// The session with the mean of its samples in place of each pose, which weighs as all of them.
+/// The session with the mean of its samples in place of each pose.
 fn of_seatings(observations: &Observations, fit: &Fit) -> Result<Observations, Error> {
     let mut seatings = observations.clone();
     let (readings, counts) = means(observations, fit)?;
     seatings.readings = readings.into();
-    seatings.weights = counts.into_iter().map(f64::sqrt).collect();
-    let Noise { sigma, play, seating, measured } = fit.assumed();
+    let usual = counts.iter().copied().fold(1.0, f64::max);
+    seatings.weights = counts.into_iter().map(|n| (n / usual).sqrt()).collect();
+    let Noise { sigma, play, seating, measured } =
+        fit.noise.of_means(fit.noise.inflation / usual, true);
     let options = observations.options.clone();
     let (noise, measured) = (Some(sigma), Some(measured));
     seatings.options = FitOptions { noise, play, seating, measured, ..options };
@@ -96,14 +100,18 @@ fn of_seatings(observations: &Observations, fit: &Fit) -> Result<Observations, E
     Ok(seatings)
 }
 
-/// Damage, worst first.
-fn found_in(observations: &mut Observations, fit: &Fit) -> Result<Vec<Damage>, Error> {
+/// Damage, worst first; `declared` is the least `s²`.
+fn found_in(
+    observations: &mut Observations,
+    fit: &Fit,
+    declared: f64,
+) -> Result<Vec<Damage>, Error> {
     let placements = fit.model.placements(&observations.readings).unwrap_or_default();
     let mut current = fit.clone();
     let mut excluded: Vec<Damage> = Vec::new();
     let all = observations.weights.iter().filter(|w| **w > 0.0).count() as f64;
     let mut left_out = 0;
-    while let Some(damage) = Looking::at(observations, &current, &placements).worst() {
+    while let Some(damage) = Looking::at(observations, &current, &placements, declared).worst() {
         left_out += damage.rows.len();
         if left_out as f64 > MOST_DAMAGED * all && damage.found.placement.is_none() {
             break;
@@ -137,6 +145,8 @@ struct Looking<'a> {
     runs: Vec<Vec<usize>>,
     /// (82) of every row; zero of those not in use.
     single: Vec<f64>,
+    /// The least `s²`.
+    declared: f64,
     /// `s²` of all samples.
     typical: f64,
     /// `s²` of every row: that of its run, where that is more.
@@ -155,7 +165,12 @@ struct Displacement {
 }
 
 impl<'a> Looking<'a> {
-    fn at(observations: &'a Observations, fit: &'a Fit, placements: &'a [usize]) -> Self {
+    fn at(
+        observations: &'a Observations,
+        fit: &'a Fit,
+        placements: &'a [usize],
+        declared: f64,
+    ) -> Self {
         let readings = &observations.readings;
         let mut runs = vec![Vec::new(); readings.groups.len()];
         for block in readings.blocks() {
@@ -169,6 +184,7 @@ impl<'a> Looking<'a> {
             placements,
             single: vec![0.0; readings.samples],
             runs,
+            declared,
             typical: 0.0,
             usual: vec![0.0; readings.samples],
         };
@@ -183,7 +199,7 @@ impl<'a> Looking<'a> {
         let of = |rows: &[usize]| {
             median(rows.iter().copied().map(scale).filter(|scale| *scale > 0.0).collect())
         };
-        let typical = of(&looking.runs.concat()).max(f64::MIN_POSITIVE);
+        let typical = of(&looking.runs.concat()).max(declared).max(f64::MIN_POSITIVE);
         // A median of few rows is one of them, which may be the one that is wrong.
         let own = |rows: &Vec<usize>| match rows.len() >= 2 * SIDE {
             true => of(rows).max(typical),
@@ -266,7 +282,9 @@ impl<'a> Looking<'a> {
         }
         let sizes: Vec<(usize, f64)> =
             sizes.into_iter().map(|(p, all)| (p, median(all).sqrt())).collect();
-        let usual = median(sizes.iter().map(|s| s.1).collect());
+        let told = self.at.residuals.equations as f64;
+        let declared = (self.declared * distributions::chi2_quantile(0.5, told)).sqrt();
+        let usual = median(sizes.iter().map(|s| s.1).collect()).max(declared);
         let worst = *sizes.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
         (sizes.len() >= SIBLINGS && worst.1 > STRANGE * usual).then_some((worst.0, worst.1 / usual))
     }

@@ -188,6 +188,10 @@ pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> 
         Needs::Masses => (mechanism.gravity.is_some() && masses()) || torques(),
     };
     let lacks = |needs| Err(Error::Context { term: info.id, needs });
+    // Masses that are drawn want a direction in which they weigh.
+    if info.needs == Needs::Masses && masses() && !torques() && !there(Needs::Gravity) {
+        return lacks(Needs::Gravity.words());
+    }
     match term.needs().into_iter().find(|needs| !there(*needs)) {
         Some(missing) => lacks(missing.words()),
         None if info.per == Per::All && targets(term, mechanism).is_empty() => lacks(CONVERTER),

@@ -135,6 +135,19 @@ impl NoiseEstimate {
         Noise { sigma: self.sigma.clone(), play: self.play, seating, measured }
     }
 
+    /// The noise of means whose variance by readings is this share of that of a sample. The samples of a held pose have
+    /// one play, and each row of a recording has its own; each sample has measured its own length.
+    #[must_use]
+    pub fn of_means(&self, share: f64, held: bool) -> Noise {
+        let seating = self.seating.clone();
+        Noise {
+            sigma: self.weighed.iter().map(|s| s * share.sqrt()).collect(),
+            play: if held { self.play } else { self.play * share },
+            seating,
+            measured: self.measured.iter().map(|factor| factor * share).collect(),
+        }
+    }
+
     /// The same where a share of the variance does not average out: it is the same in all
     /// samples of a pose, of which the usual one has `n`.
     fn with_lasting(self, share: f64, n: f64) -> Self {

@@ -9,7 +9,7 @@ use crate::diagnosis::score::scored::is_data;
 use crate::diagnosis::trace::Traced;
 use crate::diagnosis::unknown_law::UnknownLaw;
 use crate::estimate::directions::{parameter_names, reported};
-use crate::estimate::{Fit, Observations, fit};
+use crate::estimate::{Fit, Observations, fit, with_conventions};
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::report::evidence::drawing::places;
@@ -56,6 +56,7 @@ pub fn hypotheses(traced: &Traced, known: Option<&Known>) -> Result<Vec<Hypothes
         let instances = base.iter().chain(&effects).copied().collect();
         // What these readings cannot fit is no hypothesis of them.
         let Ok(one) = fit(small, instances, Some(last)) else { continue };
+        let one = with_conventions(small, one);
         let effects = effects.iter().map(|i| Place::of(small, i)).collect();
         out.push(Hypothesis { kind, effects, ..of_fit(traced, small, &one, known)? });
     }
@@ -80,7 +81,8 @@ fn of_law(traced: &Traced, law: &UnknownLaw) -> Result<Option<Hypothesis>, Error
         }
         _ => return Ok(None),
     }
-    let Ok(mut one) = fit(&less, instances, Some(&traced.last)) else { return Ok(None) };
+    let Ok(one) = fit(&less, instances, Some(&traced.last)) else { return Ok(None) };
+    let mut one = with_conventions(&less, one);
     if let Target::Channel(_) = law.whose.target {
         one.dof = (one.dof - law.told).max(0.0);
     }

@@ -4,7 +4,7 @@ use crate::Error;
 use crate::diagnosis::score::scored::Judge;
 use crate::diagnosis::score::scored::is_data;
 use crate::estimate::directions::{parameter_names, reported};
-use crate::estimate::{Fit, Observations, fit};
+use crate::estimate::{Fit, Observations, fit, with_conventions};
 use crate::model::Instance;
 use crate::report::evidence::shapes::{ParameterName, Switch, SwitchFit, Switchboard};
 use crate::report::traced::Place;
@@ -68,7 +68,7 @@ pub fn switchboard(full: &Full) -> Result<Option<Switchboard>, Error> {
             }
         }
         let one = fit(&session, instances, Some(last))?;
-        fits.push(summary(full, &session, &one));
+        fits.push(summary(full, &session, &with_conventions(&session, one)));
     }
     let terms = last.model.term_parameters;
     let parameters = parameter_names(small, last).into_iter().take(terms);
