@@ -1,4 +1,4 @@
-"""A declared play of which most is not there is said, and judges nothing.
+"""A declared play that is too large is said, and judges nothing where it is many times too large.
 
 Witness: the arm of `tests/machines` on sockets, closed in plain matrices by Newton's method with a
 play that is known.

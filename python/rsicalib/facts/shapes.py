@@ -657,7 +657,7 @@ class FormulaParameter(Record):
 
 
 class FoundLaw(Record):
-    """A formula for the errors of a channel, which no term has."""
+    """A formula for the errors of a channel, a link or a closure, which no term has."""
 
     target: str
     """The channel, the row of a chain or the closure."""

@@ -6,7 +6,7 @@
 use std::f64::consts::PI;
 
 use crate::diagnosis::curve::curve;
-use crate::estimate::noise::source::Source;
+use crate::estimate::noise::source::{NOISIER, Source};
 use crate::estimate::search::ratios;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::{Mechanism, Target, Value};
@@ -16,8 +16,6 @@ use crate::terms::term::{Over, Role};
 
 /// Largest share of a channel's range, or of its limits, that noise may be.
 const NOISE: f64 = 0.05;
-/// Largest factor by which a noise that was declared may be too small.
-const NOISIER: f64 = 4.0;
 /// Largest ratio of a gain to the nominal one with which readings may be of this mechanism.
 const GAIN: f64 = 2.0;
 stated! {
@@ -80,9 +78,10 @@ pub fn absurdities(observations: &Observations, fit: &Fit, found: &[Instance]) -
         let (sigma, span) = (fit.noise.sigma[channel], span(mechanism, channel));
         (sigma > NOISE * span).then_some(Absurdity::Noise { channel, sigma, span })
     });
-    let length = smallest_length(mechanism).min(smallest_measured(observations, fit));
-    let rms = fit.rms_misclosure;
-    let open = rms > largest_misclosure() * length && !is_declared(fit);
+    let measured = smallest_measured(observations, fit);
+    let (rms, length) = (fit.rms_misclosure, smallest_length(mechanism).min(measured));
+    // No noise of a length is as large as the length.
+    let open = (rms > largest_misclosure() * length && !is_declared(fit)) || rms > measured;
     let open = open.then_some(Absurdity::Misclosure { rms, length });
     let effects = found.iter().filter_map(|instance| oversized(fit, mechanism, instance));
     noisy.chain(open).chain(effects).collect()

@@ -150,7 +150,7 @@ pub struct Evidence {
     pub p_value: Option<f64>,
     /// χ² of the residual per degree of freedom.
     pub chi2_per_dof: Option<f64>,
-    /// True where the larger part of the noise that judges it is not there.
+    /// True where nothing like the noise that judges it is there.
     pub loose: bool,
     /// True where effects were found.
     pub found: bool,
@@ -289,8 +289,8 @@ pub struct Judgement {
 /// Loops that stay open come first, then what is undetermined, then effects that are absurd. Readings that
 /// tell no more of where things are than the drawing does determine nothing, unless known poses tell more. What known poses, groups that were not fitted and
 /// poses left out in turn contradict is not adequate, nor explained, whatever the residual is;
-/// without a contradiction what nothing judges is unjudged. So is what a noise judges of which the larger part is not
-/// there, and what it predicts says nothing.
+/// without a contradiction what nothing judges is unjudged. So is what a noise judges that is many times too
+/// large, and what it predicts says nothing.
 #[must_use]
 pub fn judge(evidence: &Evidence) -> Judgement {
     let one = |verdict, kind| Judgement { verdict, reasons: vec![Reason::of(kind)] };

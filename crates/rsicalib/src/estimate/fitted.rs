@@ -8,7 +8,7 @@ use faer::Mat;
 use crate::estimate::adjusted::Adjusted;
 use crate::estimate::between::Between;
 use crate::estimate::conventions::{Conventions, Stays};
-use crate::estimate::noise::source::{LARGER_PART, LEAST_DOF, NoiseEstimate, Source};
+use crate::estimate::noise::source::{LARGER_PART, LEAST_DOF, NOISIER, NoiseEstimate, Source};
 use crate::estimate::objective::Noise;
 use crate::estimate::residuals::Residuals;
 use crate::estimate::suspicion::Suspicion;
@@ -147,12 +147,12 @@ impl Fit {
         self.noise.judges() && !(repeated && self.noise.share >= LARGER_PART)
     }
 
-    /// True where the larger part of the variance that is declared is not there: a residual as large as all
-    /// noise there is would pass for it.
+    /// True where nothing like the noise that is declared is there: a residual many times as large as all noise
+    /// there is would pass for it.
     #[must_use]
     pub fn is_loose(&self) -> bool {
         let doubted = self.warnings.iter().any(Suspicion::of_noise_that_is_too_large);
-        doubted && self.chi2 < LARGER_PART * self.dof
+        doubted && self.chi2 * NOISIER * NOISIER < self.dof
     }
 
     /// True where the length of something known takes part in a convention: then nothing says how long

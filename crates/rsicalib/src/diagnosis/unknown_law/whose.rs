@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::Error;
+use crate::closures::kind::Part;
 use crate::mechanism::{Class, Law, Mechanism, Moves, Per, Target};
 use crate::model::Instance;
 use crate::terms::law::term_of;
@@ -41,7 +42,9 @@ impl Whose {
         });
         let closures = mechanism.closures.iter().enumerate();
         let valued = closures.filter(|(_, closure)| {
-            let own = closure.kind.has_value() && closure.channel.is_none();
+            // What makes channels equal errs as they do.
+            let of_channels = closure.kind.facts().between.contains(&Part::Channel);
+            let own = closure.kind.has_value() && closure.channel.is_none() && !of_channels;
             own && !mechanism.is_link(closure)
         });
         let valued = valued.map(|(k, _)| Self { target: Target::Closure(k), moves: None });

@@ -322,6 +322,9 @@ fn roundings(observations: &Observations, used: &Noise) -> impl Iterator<Item = 
     observations.roundings().zip(&used.sigma).map(|(rounding, sigma)| rounding / (sigma * sigma))
 }
 
+/// Largest factor by which a noise that was declared may be too small, and by which it may be too large.
+pub(crate) const NOISIER: f64 = 4.0;
+
 /// Where all closures declare their play, and readings nobody spoke of make less than this share of the
 /// misclosure's variance, the noise is declared: the play is the larger part.
 pub(crate) const LARGER_PART: f64 = 0.5;
