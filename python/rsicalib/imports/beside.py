@@ -46,9 +46,9 @@ def columns_beside(table: Table, asked: Asked) -> dict[str, int]:
     places = chosen(wanted, table.names, table.source)
     sure = {*asked.needed, *asked.beside}
     out = {n for n in places if n not in sure and not _usable(table, n, places[n])}
-    known = [name for name in POSE if name in places and name not in sure]
+    known = [name for name in POSE if name in places and name not in out]
     if known not in ([*POSE], [*POSE[:3]]):
-        out |= {*known}
+        out |= {*known} - sure
     if "pose" not in places or "pose" in out or asked.hold:
         out |= {*LABELS} - sure
     return {name: place for name, place in places.items() if name not in out}

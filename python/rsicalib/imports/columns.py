@@ -22,7 +22,7 @@ from rsicalib.imports.beside import cells_beside, columns_beside, units_said
 from rsicalib.imports.log import Log
 from rsicalib.imports.series import in_columns
 from rsicalib.imports.stretches import Recording, session_of
-from rsicalib.io.cells import TIME
+from rsicalib.io.cells import POSE, TIME
 from rsicalib.io.tables import PARQUET, Table, is_blank, numbers, quoted, read_table, text
 from rsicalib.io.times import seconds, time_column
 from rsicalib.plain_text import counted
@@ -100,6 +100,8 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
             counts = [False] * len(held)
         taken = [one and not counter for one, counter in zip(held, counts, strict=True)]
         channels = {n: n for n, one in zip(table.names, taken, strict=True) if one}
+        if not channels:  # joints that are called as coordinates of a known pose
+            channels = {name: name for name in POSE if beside.pop(name, None) is not None}
     places = chosen(_by_own_names(channels, table, asked), table.names, table.source)
     read = {place, *beside.values(), *places.values()}
     left = [n or "(no name)" for k, n in enumerate(table.names) if k not in read]

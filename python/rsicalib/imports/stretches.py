@@ -137,7 +137,7 @@ def _postures(recording: Recording, stretches: Sequence[tuple[int, int]]) -> boo
     sizes = np.abs(recording.values).max(axis=0)
     steps = np.abs(np.diff(recording.values, axis=0)) / np.where(sizes > 0.0, sizes, 1.0)
     jumps = steps.max(axis=1) > FARTHER
-    return any(jumps[start : end - 1].all() for start, end in stretches)
+    return bool(stretches) and all(jumps[start : end - 1].all() for start, end in stretches)
 
 
 def _told(recording: Recording, time: FloatArray) -> list[str]:

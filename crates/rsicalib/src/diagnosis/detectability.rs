@@ -113,8 +113,9 @@ fn units(
 /// Directions of a candidate of which the session tells next to nothing once all that is fitted follows, the weakest first.
 fn weak(fit: &Fit, candidate: &Projected) -> Vec<Vec<f64>> {
     let d = candidate.raw.len();
+    // What no reading moves is told by none.
     let length: Vec<f64> =
-        candidate.raw.iter().map(|raw| raw.sqrt().max(f64::MIN_POSITIVE)).collect();
+        candidate.raw.iter().map(|raw| if *raw > 0.0 { raw.sqrt() } else { 1.0 }).collect();
     let square = Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] / (length[i] * length[j]));
     let Some((values, vectors)) = eigenvalues(square.as_ref()) else { return Vec::new() };
     let along = |k: usize| -> Vec<f64> { (0..d).map(|i| vectors[(i, k)] / length[i]).collect() };

@@ -104,7 +104,7 @@ impl Residuals {
 
     /// Takes the derivatives by some parameters out of `by_parameter`, and gives them, equation by equation.
     pub(super) fn take_parameters(&mut self, of: Range<usize>) -> Vec<f64> {
-        if of.is_empty() {
+        if of.is_empty() || self.whitened.is_empty() {
             return Vec::new();
         }
         let width = self.by_parameter.len() / self.whitened.len().max(1);

@@ -22,8 +22,9 @@ pub enum Suspicion {
     },
     /// Anchors that are found are shaped as drawn with two of them exchanged, and by far not as they are named.
     Unlike {
-        /// The channels that read the distances to these two.
-        channels: [usize; 2],
+        /// The channels that read the distances to these two, the likeliest first: of a rectangle, the other two
+        /// exchanged are its image in a mirror.
+        channels: Vec<[usize; 2]>,
         /// Root mean square by which distances between anchors differ from the drawing, length units.
         off: f64,
         /// The same with the two exchanged.

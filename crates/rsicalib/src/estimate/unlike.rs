@@ -24,7 +24,7 @@ struct Anchor {
     found: [f64; 3],
 }
 
-/// Two channels that look exchanged; none where the anchors are shaped as they are drawn, or are not with any two of
+/// Channels that look exchanged, two or another two; none where the anchors are shaped as they are drawn, or are not with any two of
 /// them exchanged.
 pub(crate) fn exchanged(fit: &Fit) -> Option<Suspicion> {
     let anchors = anchors(fit);
@@ -43,11 +43,14 @@ pub(crate) fn exchanged(fit: &Fit) -> Option<Suspicion> {
         order.swap(i, j);
         (off(&order), [i, j])
     };
-    let (least, [i, j]) = pairs.map(with).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let pairs = (n * (n - 1)) as f64 / 2.0;
     let declared = off(&named);
-    (least < declared / DECISIVE).then(|| Suspicion::Unlike {
-        channels: [i, j].map(|k| anchors[k].channel),
+    let mut likely: Vec<(f64, [usize; 2])> = pairs.map(with).collect();
+    likely.retain(|(with, _)| *with < declared / DECISIVE);
+    likely.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (least, _) = *likely.first()?;
+    let pairs = (n * (n - 1)) as f64 / 2.0;
+    Some(Suspicion::Unlike {
+        channels: likely.iter().map(|(_, pair)| pair.map(|k| anchors[k].channel)).collect(),
         off: (declared / pairs).sqrt(),
         with: (least / pairs).sqrt(),
     })

@@ -250,9 +250,8 @@ fn of_suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> Warned {
     let channels = |of: &[usize]| joined(of.iter().map(channel).collect());
     let (kind, target) = match suspicion {
         Suspicion::Reversed { channels: of, .. } => (Kind::Reversed, channels(of)),
-        Suspicion::Exchanged { channels: of, .. } | Suspicion::Unlike { channels: of, .. } => {
-            (Kind::Exchanged, channels(of))
-        }
+        Suspicion::Exchanged { channels: of, .. } => (Kind::Exchanged, channels(of)),
+        Suspicion::Unlike { channels: of, .. } => (Kind::Exchanged, channels(&of[0])),
         Suspicion::Gap { channel, .. } => (Kind::Gap, channels(&[*channel])),
         Suspicion::Stuck { channel, .. } => (Kind::Stuck, channels(&[*channel])),
         Suspicion::SameReadings { .. } => (Kind::SameReadings, None),

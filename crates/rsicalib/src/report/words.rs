@@ -193,16 +193,16 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 loop_closes(*closes)
             )
         }
-        Suspicion::Unlike { channels: [a, b], off, with } => {
+        Suspicion::Unlike { channels, off, with } => {
             let unit = &mechanism.length_unit;
             let [off, with] = [off, with].map(|rms| significant(*rms, 2));
+            let two = channels.iter().map(|[a, b]| format!("{} and {}", name(*a), name(*b)));
             format!(
-                "{} and {} look exchanged: the loops close with any names, but the anchors that are \
-                 found are not shaped as drawn. Distances between them differ from the drawing by {off} \
-                 {unit} rms, and by {with} {unit} with the anchors of these two exchanged; check the \
-                 wiring, the names of the columns, or the places of the points",
-                name(*a),
-                name(*b),
+                "{} look exchanged: the loops close with any names, but the anchors that are found are \
+                 not shaped as drawn. Distances between them differ from the drawing by {off} {unit} rms, \
+                 and by {with} {unit} with two of them exchanged; check the wiring, the names of the \
+                 columns, or the places of the points",
+                two.collect::<Vec<_>>().join(", or ")
             )
         }
         Suspicion::Gap { channel, shown, rows, of, closes } => {
@@ -759,7 +759,7 @@ pub fn unknown_law(mechanism: &Mechanism, law: &UnknownLaw) -> String {
         all.map(|v| quantity(mechanism, *v)).collect::<Vec<_>>().join(" or ")
     };
     let on: Vec<String> = law.variables.iter().map(one).collect();
-    let others = law.also_of.iter().filter(|other| other.target != law.whose.target);
+    let others = law.also_of.iter().filter(|other| **other != law.whose);
     let places = std::iter::once(&law.whose).chain(others).take(1 + TOLD_APART);
     let name = places.map(|place| place.name(mechanism)).collect::<Vec<_>>().join(" or ");
     let next: Vec<String> =
@@ -837,10 +837,12 @@ fn tells(mechanism: &Mechanism, variable: Quantity, target: Target) -> String {
     let name = |c: usize| mechanism.channels[c].name.as_str();
     let own = target.name(mechanism);
     match variable {
-        Quantity::Theta(c) if target == Target::Channel(c) => {
-            format!("more poses that move {own} through its range, all else held")
-        }
-        Quantity::Theta(c) => format!("poses that move {} through its range, {own} held", name(c)),
+        Quantity::Theta(c) => match target {
+            Target::Channel(own_channel) if own_channel != c => {
+                format!("poses that move {} through its range, {own} held", name(c))
+            }
+            _ => format!("more poses that move {} through its range, all else held", name(c)),
+        },
         Quantity::Direction(c) => format!("the same poses, {} come from its other side", name(c)),
         Quantity::SinceTurn(c) | Quantity::Play(c) => {
             format!("the same poses, {} come from nearer by and from farther away", name(c))

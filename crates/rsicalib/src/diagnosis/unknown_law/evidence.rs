@@ -33,6 +33,7 @@ stated! {
 const SMOOTH: [f64; 2] = [1.0, 2.0];
 
 /// What the equations of a session tell of the errors of one place, sample by sample.
+#[derive(Clone)]
 pub struct Errors {
     /// `Σ a²` of each sample.
     pub(super) square: Vec<f64>,
@@ -44,7 +45,7 @@ pub struct Errors {
     apart: Vec<Vec<f64>>,
     /// By how much χ² falls with an error that is the same in all samples, where that is fitted as well, and
     /// what it costs.
-    constant: Option<[f64; 2]>,
+    pub(super) constant: Option<[f64; 2]>,
 }
 
 impl Errors {

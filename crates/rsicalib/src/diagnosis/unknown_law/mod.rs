@@ -253,11 +253,12 @@ impl Averaged<'_> {
             let whose: Vec<Whose> =
                 built.iter().copied().filter(|whose| *whose == scan.whose).collect();
             let beside = self.beside(&fit, price, None, &whose)?;
-            Ok::<_, Error>(formula_of(&beside, &rows, scan, &variables, &self.data))
+            Ok::<_, Error>(formula_of(&beside, &rows, scan, &variables, (constant, &self.data)))
         };
         let written = if behind <= AS_WELL { formula()? } else { None };
         let on = depends_on(scan, &variables);
-        let also_of = scans[1..].iter().take_while(|other| other.price < scan.price + AS_WELL);
+        let as_well = scan.price + AS_WELL - behind.max(0.0);
+        let also_of = scans[1..].iter().take_while(|other| other.price < as_well);
         let mut errors = vec![0.0; weights.len()];
         rows.iter().zip(&scan.likeliest.errors).for_each(|(&row, e)| errors[row] = *e);
         Ok(Some(UnknownLaw {
@@ -374,14 +375,18 @@ fn formula_of(
     rows: &[usize],
     scan: &Scan,
     variables: &[Variable],
-    data: &Data,
+    (constant, data): (f64, &Data),
 ) -> Option<Written> {
-    let errors = match scan.whose.target {
+    let plain = match scan.whose.target {
         Target::Channel(channel) => {
             let gains = gain_of(beside.at.observations, variables, channel);
             Errors::of_channel(&beside.at, rows, channel, &gains)
         }
         _ => Errors::of_beside(&beside.at, rows, 0),
+    };
+    let errors = match scan.whose.target {
+        Target::Channel(_) => plain.clone(),
+        _ => plain.clone().beside_a_constant(constant),
     };
     let least = scan.sets.iter().map(|(_, e)| e.price).fold(f64::INFINITY, f64::min);
     let mut likely: Vec<_> = scan.sets.iter().filter(|(_, e)| e.price < least + AS_WELL).collect();
@@ -389,7 +394,14 @@ fn formula_of(
     let each = likely.into_iter().take(MOST_SETS).filter_map(|(set, evidence)| {
         let of: Vec<Quantity> = set.iter().map(|&v| variables[v].quantity).collect();
         let smooth = evidence.price - beside.price;
-        formula::written(&beside.at, rows, &scan.whose, &of, &errors, (data, beside.chi2, smooth))
+        formula::written(
+            &beside.at,
+            rows,
+            &scan.whose,
+            &of,
+            [&errors, &plain],
+            (data, beside.chi2, smooth),
+        )
     });
     let best = each.min_by(|a, b| a.price.total_cmp(&b.price))?;
     (best.price < least - beside.price + AS_WELL).then_some(best)
@@ -426,7 +438,10 @@ fn sets_of_built(
     let mechanism = &observations.mechanism;
     let chains = whose.chains(mechanism);
     let near = |v: &usize| match variables[*v].quantity {
-        Quantity::Theta(c) => mechanism.chain_of(c).is_some_and(|chain| chains.contains(&chain)),
+        Quantity::Theta(c) => match mechanism.chain_of(c) {
+            Some(chain) => chains.is_empty() || chains.contains(&chain),
+            None => chains.is_empty(),
+        },
         _ => false,
     };
     let of_pose = |v: &usize| !variables[*v].quantity.of_way();

@@ -123,8 +123,8 @@ impl Whose {
 /// A component of a link that is no more than rounding of its drawing.
 const FLAT: f64 = 1e-9;
 
-/// Id of an error that is the same in all poses.
-const CONSTANT: &str = "constant_error";
+/// Id of an error that is the same in all poses: one that no file may have.
+const CONSTANT: &str = "constant error";
 
 /// Its typical size, by which nothing is decided.
 const TYPICAL: f64 = 1e-3;

@@ -59,29 +59,29 @@ pub struct Written {
 }
 
 /// The formula that explains the errors of a place best, over some variables; none where formulas do
-/// not know these, or where no product shows. `smooth` is the price (115) of a smooth function of them.
+/// not know these, or where no product shows. `smooth` is the price (115) of a smooth function of them; `errors` may
+/// be beside an error that is the same in all samples, and `plain` are not.
 pub(super) fn written(
     at: &AtFit,
     rows: &[usize],
     whose: &Whose,
     quantities: &[Quantity],
-    errors: &Errors,
+    [errors, plain]: [&Errors; 2],
     (data, chi2, smooth): (&Data, f64, f64),
 ) -> Option<Written> {
     let mechanism = &at.observations.mechanism;
     let named: Option<Vec<Named>> =
         quantities.iter().map(|quantity| name(at, rows, whose, *quantity)).collect();
     let named = named?;
-    let mut products = products(&named);
-    if !matches!(whose.target, Target::Channel(_)) {
-        products.push(Product::constant());
-    }
+    let products = products(&named);
     let gain = whose.gain(mechanism);
     let columns = Columns { named: &named, errors, gain, last: RefCell::default() };
     let (square, gradient, shows) = columns.of(&products);
-    let less = |fall: f64| data.of((chi2 - fall).max(0.0)) - data.of(chi2);
+    let [constant, paid] = errors.constant.unwrap_or_default();
+    let less = |fall: f64| data.of((chi2 - constant - fall).max(0.0)) - data.of(chi2);
     let price = |fall: f64, width: usize, moved: usize| {
         less(fall)
+            + paid
             + charge((width + moved) as f64, fall)
             + 2.0 * choices(shows.len(), width).ln()
             + 2.0 * (MOST as f64).ln()
@@ -105,13 +105,15 @@ pub(super) fn written(
     let of_sums = counted.map(|sum| weight(price(sum.fall, sum.of.len(), 0)));
     let own = if best.moved == 0 { 0.0 } else { 1.0 };
     let all = of_sums.sum::<f64>() + weight(smooth) + own;
-    let (square, gradient, _) = columns.of(&best.products);
-    let which: Vec<usize> = (0..best.products.len()).collect();
+    let mut products = best.products;
+    products.extend(errors.constant.map(|_| Product::constant()));
+    let (square, gradient, _) = Columns { errors: plain, ..columns }.of(&products);
+    let which: Vec<usize> = (0..products.len()).collect();
     let (estimate, inverse) = solved(&which, &square, &gradient)?;
     // A law corrects what the errors are.
     let values: Vec<[f64; 2]> =
         which.iter().map(|&k| [-estimate[k], inverse[(k, k)].max(0.0).sqrt()]).collect();
-    let texts: Vec<String> = best.products.iter().map(|one| one.text(&named)).collect();
+    let texts: Vec<String> = products.iter().map(|one| one.text(&named)).collect();
     let law = law(free_id(mechanism), whose, &texts, &values);
     law.formula().ok()?;
     Some(Written { law, values, price: best.price, probability: 1.0 / all })
