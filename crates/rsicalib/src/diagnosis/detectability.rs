@@ -113,10 +113,14 @@ fn units(
 /// Directions of a candidate of which the session tells next to nothing once all that is fitted follows, the weakest first.
 fn weak(fit: &Fit, candidate: &Projected) -> Vec<Vec<f64>> {
     let d = candidate.raw.len();
-    // What no reading moves is told by none.
+    // What moves no reading is no direction that is lost: it is listed, and seen at no size.
+    let moves = |i: usize| candidate.raw[i] > 0.0;
     let length: Vec<f64> =
-        candidate.raw.iter().map(|raw| if *raw > 0.0 { raw.sqrt() } else { 1.0 }).collect();
-    let square = Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] / (length[i] * length[j]));
+        (0..d).map(|i| if moves(i) { candidate.raw[i].sqrt() } else { 1.0 }).collect();
+    let square = Mat::from_fn(d, d, |i, j| match moves(i) && moves(j) {
+        true => candidate.square[(i, j)] / (length[i] * length[j]),
+        false => f64::from(u8::from(i == j)),
+    });
     let Some((values, vectors)) = eigenvalues(square.as_ref()) else { return Vec::new() };
     let along = |k: usize| -> Vec<f64> { (0..d).map(|i| vectors[(i, k)] / length[i]).collect() };
     let follows = |v: &[f64], i: usize| -> f64 {
