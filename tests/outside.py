@@ -63,7 +63,8 @@ and thresholds of joints, torques, paths travelled, play that remembers its last
 noncentrality 30 to 300. The search does not know that grammar, and the arithmetic is the
 simulator's own. [The search](search.md) says how such a law is weighed beside what was found.
 
-- *place right*: the channel is named, or blamed, or what is left is said to be there.
+- *place right*: the channel is named, or blamed, or what is left is said to be there, or a law that
+  no term has is said to fit there as well.
 - *variables*: `unexplained.depends_on` names one of the law's variables, or says that it cannot be
   told from one that it names. There are none where the verdict is *explained* and no tie is told.
 - *a formula predicts check poses as the truth does*: its lines are pasted into the mechanism file,
@@ -72,8 +73,7 @@ simulator's own. [The search](search.md) says how such a law is weighed beside w
 - *error after above that before*: points at check poses are {grew} times worse than those of a
   calibration without what was found.
 - *links and distances*: the same of machines of which a link, or a distance, is longer by such a
-  law of one or two joints. The place is right where it is named, blamed, or among those of which a
-  law is said to fit as well.
+  law of one or two joints.
 - *left out*: the catalogue's own effects, the term that describes them taken out of the search.
   Another class or place is wrong; the same sensor by another name is not.
 - A rate has its binomial standard error.
