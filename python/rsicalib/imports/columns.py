@@ -139,11 +139,9 @@ def _refuse_timeless(recording: Recording, table: Table, asked: Asked) -> None:
     if known or asked.rate is not None or asked.hold == 0.0:
         return
     hint = f"Those of the log: {', '.join(table.names)[:300]}. Name one so, or say which it is: "
-    hint += (
-        "rsicalib import --channels time_s=COLUMN. Where each row is a pose of its own: rsicalib "
-    )
-    hint += "import --hold 0. Of a recording, say how many rows there "
-    hint += "are in a second: rsicalib import --rate HZ."
+    hint += "rsicalib import --channels time_s=COLUMN. Where each row is a pose of its own: "
+    hint += "rsicalib import --hold 0. Of a recording, say how many rows there are in a second: "
+    hint += "rsicalib import --rate HZ."
     expected = "one called time, timestamp or t, with its unit or without (time_ms)"
     raise InputError.at(table.source, "no column of times", expected, hint=hint)
 

@@ -722,9 +722,10 @@ pub fn another(mechanism: &Mechanism, rival: &Explanation, apart: f64, predicted
     };
     let what = if mechanism.platform.is_empty() { "carried points" } else { "the platform" };
     let unit = &mechanism.length_unit;
+    let [apart, predicted] = [apart, predicted].map(|length| significant(length, 3));
     format!(
-        "{names} would fit as well and put {what} {apart:.2e} {unit} elsewhere, more than the \
-         {predicted:.2e} {unit} that are predicted"
+        "{names} would fit as well and put {what} {apart} {unit} elsewhere, more than the \
+         {predicted} {unit} that are predicted"
     )
 }
 
