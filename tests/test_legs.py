@@ -139,3 +139,16 @@ def test_what_is_wrong_with_a_leg_is_named(seed: int, built: Built, name: tuple[
     (step,) = result.steps
     # A foot that sits 2 mm farther down is the same as a longer shank.
     assert name in {(step.term, step.target), *((n.term, n.target) for n in step.also_fits)}
+
+
+@pytest.mark.parametrize("seed", range(sized(3, 12)))
+def test_rounding_of_readings_decides_nothing(seed: int) -> None:
+    """Six distances of four feet nearly repeat each other; a projection by the Gram matrix of another
+    linearisation named another term in half of these."""
+    readings, mechanism = session(3, Built(longer=("rl", 0.002)))
+    part = 1e-15 * np.random.default_rng(seed).standard_normal(readings.shape)
+    first, other = (
+        [(step.term, step.target) for step in rsicalib.trace(q, mechanism).steps]
+        for q in (readings, readings * (1.0 + part))
+    )
+    assert first == other

@@ -131,9 +131,8 @@ pub fn suppose(observations: &Observations, supposed: &[Supposed]) -> Result<Sup
     let last = fit(&small, base, Some(&full))?;
     // Refuses what needs data that the readings do not have.
     small.model([&last.model.instances[..], &effects].concat())?;
-    let inverse = last.inverse();
     let width = values.len();
-    let projected = project_blocks(&small, &last, &inverse, &effects, &[width])?;
+    let projected = project_blocks(&small, &last, &effects, &[width])?;
     let Some(it) = projected.first() else {
         return Err(Error::Empty("no effect is supposed".into()));
     };

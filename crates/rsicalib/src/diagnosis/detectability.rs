@@ -146,8 +146,7 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
         .into_iter()
         .filter(|i| !i.term.info().penalised)
         .collect();
-    let inverse = last.inverse();
-    let projected = project(observations, last, &inverse, &named)?;
+    let projected = project(observations, last, &named)?;
     let base = last.model.term_parameters;
     let model = observations.model_beside(&last.model, &named)?;
     let first = &model.first[last.model.instances.len()..];

@@ -72,10 +72,12 @@ impl<'a> AtFit<'a> {
         let problem = Implicit::of(part, fit.assumed()).from(settled.map(<[_]>::to_vec));
         let mut residuals = problem.residuals(beta, true);
         let n = fit.model.parameters;
-        let (root, ..) = inverse_root(&fit.gram);
         let count = residuals.whitened.len();
         let beside = residuals.take_parameters(fit.model.term_parameters..model.term_parameters);
         let x = MatRef::from_column_major_slice(&residuals.by_parameter, n, count);
+        // Of `X` itself: that of the fit is of readings settled by a step less, and a projection takes what
+        // the two differ by for what `X` leaves, as many times as large as the weakest direction is weak.
+        let (root, ..) = inverse_root(&fit.told_of(x * x.transpose()));
         let q = root.transpose() * x;
         let mut slope = vec![0.0; n];
         for prior in &fit.priors {

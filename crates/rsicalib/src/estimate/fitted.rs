@@ -167,7 +167,27 @@ impl Fit {
     /// along them.
     #[must_use]
     pub fn inverse(&self) -> Mat<f64> {
-        let mut gram = self.gram.clone();
+        self.inverse_beside(self.gram.clone())
+    }
+
+    /// The same of `Xᵀ S⁻¹ X` of another linearisation at this fit, without priors.
+    pub(crate) fn inverse_of(&self, gram: Mat<f64>) -> Mat<f64> {
+        self.inverse_beside(self.told_of(gram))
+    }
+
+    /// `Xᵀ S⁻¹ X` with the priors, without what it seems to tell of conventions.
+    pub(crate) fn told_of(&self, mut gram: Mat<f64>) -> Mat<f64> {
+        for prior in &self.priors {
+            let slopes = prior.slopes(&self.beta);
+            for (i, slope) in &slopes {
+                slopes.iter().for_each(|(j, other)| gram[(*i, *j)] += slope * other);
+            }
+        }
+        self.conventions.out_of(gram)
+    }
+
+    /// The inverse of a Gram matrix that has the priors and tells nothing of conventions.
+    fn inverse_beside(&self, mut gram: Mat<f64>) -> Mat<f64> {
         for prior in self.stays.iter().filter_map(|stays| stays.held(&self.model, &self.beta)) {
             prior.slopes(&self.beta).iter().for_each(|(i, slope)| gram[(*i, *i)] += slope * slope);
         }

@@ -55,10 +55,9 @@ pub fn pairs(
     charge: &(dyn Fn(f64, f64) -> f64 + Sync),
     needed: f64,
 ) -> Result<Vec<Pair>, Error> {
-    let inverse = fit.inverse();
     let widths: Vec<usize> = named.iter().map(Instance::width).collect();
     let all = [widths.iter().sum()];
-    let projected = projection::project_blocks(observations, fit, &inverse, named, &all)?;
+    let projected = projection::project_blocks(observations, fit, named, &all)?;
     let Some(all) = projected.first() else { return Ok(Vec::new()) };
     let together = Together::new(all, &widths);
     let tests = named.len() as f64;

@@ -24,7 +24,9 @@ struct ScoreSums {
     waiting: Vec<Lanes>,
     /// `Xᵀr` of the terms.
     base: Vec<Lanes>,
-    /// `Xᵀr` of the unknown points of each group, and `XᵀX`, `XᵀZ` column by column.
+    /// `XᵀX` of the terms, line by line, of which the lower half is filled.
+    gram: Vec<Lanes>,
+    /// `Xᵀr` of the unknown points of each group, and of `XᵀX`, `XᵀZ` a line for each of their columns.
     own: Vec<Own>,
 }
 
@@ -35,7 +37,8 @@ impl ScoreSums {
     fn add(&mut self, group: usize, blocks: &[usize], w: &[Lanes], x: &[Lanes]) {
         let (base, extra, columns) = (self.base.len(), self.gradient.len(), x.len() / w.len());
         for i in 0..base {
-            add_line(&mut [], &mut self.base[i], w, x, columns, i);
+            let line = &mut self.gram[i * base..][..=i];
+            add_line(line, &mut self.base[i], w, x, columns, i);
         }
         for (i, gradient) in self.gradient.iter_mut().enumerate() {
             let line = &mut self.cross[i * base..(i + 1) * base];
@@ -43,9 +46,9 @@ impl ScoreSums {
         }
         if columns > base + extra {
             let (points, others) = (columns - base - extra, base + extra);
-            let own = Own::of(&mut self.own, group, points, points * others);
+            let own = Own::of(&mut self.own, group, points, points * columns);
             for (c, gradient) in own.gradient.iter_mut().enumerate() {
-                let line = &mut own.gram[c * others..(c + 1) * others];
+                let line = &mut own.gram[c * columns..][..=others + c];
                 add_line(line, gradient, w, x, columns, others + c);
             }
         }
@@ -91,6 +94,7 @@ impl ScoreSums {
         add_all(&mut self.cross, &other.cross);
         add_all(&mut self.square, &other.square);
         add_all(&mut self.base, &other.base);
+        add_all(&mut self.gram, &other.gram);
         Own::merge(&mut self.own, &other.own);
     }
 }
@@ -150,15 +154,18 @@ pub struct Projected {
 pub fn project(
     observations: &Observations,
     fit: &Fit,
-    inverse: &Mat<f64>,
     named: &[Instance],
 ) -> Result<Vec<Projected>, Error> {
     let widths: Vec<usize> = named.iter().map(Instance::width).collect();
-    project_blocks(observations, fit, inverse, named, &widths)
+    project_blocks(observations, fit, named, &widths)
 }
 
 /// Eq. (71) for named candidates in blocks of so many columns: of candidates of different
 /// blocks no products are taken.
+///
+/// `XᵀX` is that of this linearisation. That of the fit is of readings settled by a step less, some
+/// millionths of a standard deviation away, and where all equations of a pose nearly repeat each other
+/// the projection takes more than that for what `X` leaves.
 ///
 /// # Errors
 ///
@@ -166,7 +173,6 @@ pub fn project(
 pub fn project_blocks(
     observations: &Observations,
     fit: &Fit,
-    inverse: &Mat<f64>,
     named: &[Instance],
     blocks: &[usize],
 ) -> Result<Vec<Projected>, Error> {
@@ -191,6 +197,7 @@ pub fn project_blocks(
         square: vec![Lanes::ZERO; squares],
         waiting: Vec::new(),
         base: vec![Lanes::ZERO; base],
+        gram: vec![Lanes::ZERO; base * base],
         own: Vec::new(),
     };
     let sums = problem.sweep(
@@ -211,18 +218,28 @@ pub fn project_blocks(
     });
     let mut base_gradient: Vec<f64> = sums.base.iter().map(|s| s.sum()).collect();
     base_gradient.resize(n, 0.0);
+    let mut gram = Mat::from_fn(n, n, |i, j| match i.max(j) < base {
+        true => sums.gram[i.max(j) * base + i.min(j)].sum(),
+        false => 0.0,
+    });
     for own in &sums.own {
         let others = base + extra;
         let parameters = &model.columns()[own.group][others..];
         for (c, parameter) in parameters.iter().enumerate() {
             let row = parameter - extra;
             base_gradient[row] += own.gradient[c].sum();
+            let line = &own.gram[c * (others + parameters.len())..];
             for i in 0..extra {
-                cross[(row, i)] += own.gram[c * others + base + i].sum();
+                cross[(row, i)] += line[base + i].sum();
+            }
+            let points = parameters[..=c].iter().zip(others..).map(|(p, i)| (p - extra, i));
+            for (column, i) in (0..base).map(|i| (i, i)).chain(points) {
+                gram[(row, column)] += line[i].sum();
+                gram[(column, row)] = gram[(row, column)];
             }
         }
     }
-    let all_absorbed = inverse * &cross;
+    let all_absorbed = fit.inverse_of(gram) * &cross;
 
     // Priors pull on what is fitted: at the minimum their pull balances Xᵀr.
     for prior in &fit.priors {
@@ -266,10 +283,9 @@ pub fn score(
     observations: &Observations,
     fit: &Fit,
     judge: &Judge,
-    inverse: &Mat<f64>,
     named: &[Instance],
 ) -> Result<Vec<Scored>, Error> {
-    let projected = project(observations, fit, inverse, named)?;
+    let projected = project(observations, fit, named)?;
     Ok(score_of(observations, judge, named, &projected))
 }
 

@@ -40,7 +40,7 @@ pub fn scan(
     let without = &search.without;
     let at = AtFit::new(observations, fit);
     let named = candidates(observations, fit, without);
-    let by_terms = || projection::score(observations, fit, judge, &at.inverse, &named);
+    let by_terms = || projection::score(observations, fit, judge, &named);
     let by_columns = || -> Result<_, Error> {
         let mut scored = places::score(&at, judge, without)?;
         scored.extend(periodic::score(&at, judge, without));
