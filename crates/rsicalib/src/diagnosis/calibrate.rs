@@ -13,7 +13,7 @@ use crate::estimate::{Fit, Method, Observations, fit, with_groups};
 use crate::model::Instance;
 use crate::screening::converter;
 use crate::screening::excluded::Excluded;
-use crate::screening::sound::sound;
+use crate::screening::sound::{Kept, sound};
 
 /// A calibration.
 #[derive(Debug, Clone)]
@@ -44,7 +44,7 @@ pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
         return Ok(whole(observations, all));
     }
     let mut rest = observations.clone();
-    let (clean, excluded) = sound(&mut rest, &all, false)?;
+    let (clean, excluded) = sound(&mut rest, &all, Kept::Nothing)?;
     // Points that are touched are judged by placement.
     let searched = all.model.unknowns.is_empty() && observations.readings.poses() <= MOST_POSES;
     if searched && looks_bad(&rest, &clean)? {

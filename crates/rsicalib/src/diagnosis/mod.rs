@@ -11,6 +11,7 @@ pub(crate) mod doubt;
 pub mod elsewhere;
 pub mod held_out;
 pub(crate) mod isolation;
+mod kept_in;
 pub(crate) mod left_open;
 pub(crate) mod localisation;
 pub(crate) mod location;

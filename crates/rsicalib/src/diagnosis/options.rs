@@ -84,6 +84,8 @@ rules! {
     Yielding = "yielding",
     /// No effect turns a gain round.
     Swung = "swung",
+    /// Poses that do not fit their placement are weighed against effects that explain them.
+    KeptIn = "kept_in",
     /// Data are judged again beside what was found.
     JudgeAgain = "judge_again",
     /// The misclosure must not grow.

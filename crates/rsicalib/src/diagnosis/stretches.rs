@@ -138,7 +138,7 @@ impl Stretches {
             }
             values.extend(sample);
             counts.push(live.len() as f64);
-            ends.push([stretch.start, middle]);
+            ends.push([stretch.start, middle, live.len()]);
         }
         (observations.readings.merged(&ends, values, self.live), counts)
     }

@@ -32,7 +32,7 @@ use crate::estimate::{Fit, Observations, fit, with_conventions, with_groups};
 use crate::model::{Instance, Model};
 use crate::screening::converter;
 use crate::screening::excluded::Excluded;
-use crate::screening::sound::sound;
+use crate::screening::sound::{Kept, sound};
 
 use crate::diagnosis::options::Rule;
 pub use crate::diagnosis::options::{LEVEL, SearchOptions};
@@ -219,22 +219,36 @@ fn is_miswired(observations: &Observations, fit: &Fit) -> bool {
         || !absurdities(observations, fit, &[]).is_empty())
 }
 
-/// The search and what comes of it; and whether its fit was absurd before it began.
-fn explain(
-    observations: &Observations,
-    search: &SearchOptions,
+/// A session as it was searched, and where the search ended.
+pub(super) struct Pursued<'a> {
+    pub observations: Observations,
+    /// Its fit without what was found.
+    pub clean: Fit,
+    pub excluded: Vec<Excluded>,
+    /// What was asked for, and delays.
+    base: Vec<Instance>,
+    late: Vec<FoundEffect>,
+    pub searched: Search<'a>,
+    /// True where the fit was absurd before the search began.
+    pub lost: bool,
+}
+
+/// Screens a session, and searches what is left of it.
+fn pursue<'a>(
+    all: &Observations,
+    before: &Fit,
+    search: &'a SearchOptions,
     wanted: Scope,
-) -> Result<(Traced, bool), Error> {
-    let all = observations;
-    let mut base = all.instances()?;
-    let before = fit(all, base.clone(), None)?;
-    let wanted = if is_miswired(all, &before) { Scope::Nothing } else { wanted };
+    kept: Kept,
+) -> Result<Pursued<'a>, Error> {
+    let mut base = before.model.instances.clone();
     let progress = &all.options.progress;
     progress.enter(Stage::Screening);
     let mut observations = all.clone();
     let (mut clean, mut excluded) = match wanted {
         Scope::Nothing => (before.clone(), Vec::new()),
-        _ => sound(&mut observations, &before, wanted == Scope::All)?,
+        Scope::Screened => sound(&mut observations, before, Kept::Nothing)?,
+        Scope::All => sound(&mut observations, before, kept)?,
     };
     let wanted = wanted == Scope::All;
     let mut lost = !absurdities(&observations, &clean, &[]).is_empty();
@@ -258,6 +272,29 @@ fn explain(
         lost = !absurdities(&observations, &clean, &[]).is_empty();
         searched = search_once(&observations, &clean, &base, search, wanted)?;
     }
+    Ok(Pursued { observations, clean, excluded, base, late, searched, lost })
+}
+
+/// The search and what comes of it; and whether its fit was absurd before it began.
+fn explain(
+    observations: &Observations,
+    search: &SearchOptions,
+    wanted: Scope,
+) -> Result<(Traced, bool), Error> {
+    let all = observations;
+    let progress = &all.options.progress;
+    let before = fit(all, all.instances()?, None)?;
+    let wanted = if is_miswired(all, &before) { Scope::Nothing } else { wanted };
+    let screened = pursue(all, &before, search, wanted, Kept::Once)?;
+    let weighed =
+        wanted == Scope::All && search.uses(Rule::KeptIn) && screened.leaves_samples_out();
+    let pursued = match weighed {
+        true => screened.or_whole(pursue(all, &before, search, wanted, Kept::All)?),
+        false => screened,
+    };
+    let Pursued { mut observations, mut clean, mut excluded, base, late, mut searched, lost } =
+        pursued;
+    let wanted = wanted == Scope::All;
     let drawn_too =
         wanted && search.uses(Rule::AsDrawn) && clean.p_value.is_some_and(|p| p <= LEVEL);
     let told = &searched.searched.found;
@@ -424,7 +461,8 @@ fn judge_again(
     let mut again = all.clone();
     let instances = base.iter().copied().chain(effects).collect();
     let beside = in_all_samples(&again, fit(&again, instances, Some(&searched.current))?)?;
-    let (_, excluded) = sound(&mut again, &beside, once)?;
+    let kept = if once { Kept::Once } else { Kept::Nothing };
+    let (_, excluded) = sound(&mut again, &beside, kept)?;
     if again.weights == judged.weights {
         return Ok(None);
     }

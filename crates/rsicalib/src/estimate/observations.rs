@@ -178,7 +178,7 @@ impl Observations {
         let doubled = readings.doubled(&counters);
         let again = (0..readings.samples).filter(copied).chain(doubled.iter().copied());
         again.for_each(|row| weights[row] = 0.0);
-        let steps = codes::steps(&readings.table.values, &counters);
+        let steps = codes::steps(&readings.table.values, &counters, readings.held);
         let centre = match &options.expected {
             Some(expected) if expected.centre.len() == mechanism.channels.len() => {
                 expected.centre.clone()

@@ -172,9 +172,9 @@ impl Model {
         hung: &[Posture],
         carried: &[Vec<Carried>],
     ) -> Lanes {
-        let carried = &carried[2 * joint.chain + whose as usize];
         let mut torque = Lanes::ZERO;
         for j in own_levers(joint, hung) {
+            let carried = &carried[2 * joint.chain + whose as usize];
             torque += dot(&carried[j].moved_by(&hung[joint.chain].levers[j]), &self.gravity);
         }
         torque
@@ -274,7 +274,8 @@ impl Model {
 #[inline(always)]
 fn own_levers(joint: Joint, hung: &[Posture]) -> impl Iterator<Item = usize> {
     let source = joint.channel.map(Source::Channel);
-    let levers = hung[joint.chain].levers.iter().enumerate();
+    // Of a mechanism without chains no channel moves a joint.
+    let levers = hung.get(joint.chain).into_iter().flat_map(|hung| hung.levers.iter().enumerate());
     levers.filter(move |(_, lever)| Some(lever.source) == source).map(|(j, _)| j)
 }
 

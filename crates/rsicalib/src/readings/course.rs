@@ -20,6 +20,9 @@
 //! a_j(lag) = a_j + s(t_j + lag) - s(t_j),    V = Σ_k (δ_jk + c_k(t_j + lag) - c_k(t_j))²    (164)
 //! ```
 //!
+//! The mean of a stretch of `n` rows becomes what its middle row becomes. It has a part `1/n` of each of them,
+//! in place of `δ`, and in units of its own noise `n` times that sum.
+//!
 //! What follows its goal by degrees, with the time constant `T`, is where `y + T y'` is its goal. In a steady
 //! motion it is late by `T`. Of what is late by `lag` in all, the goal is `y(t + lag - T) + T y'(t + lag - T)`,
 //! and that is beside (164)
@@ -108,8 +111,8 @@ pub(crate) struct CourseAt<'a> {
     pub(super) still: &'a [f64],
     /// Rows of the recording at which the samples were taken.
     pub(super) rows: [usize; WIDTH],
-    /// True where the samples stand for many rows each.
-    pub(super) of_many: bool,
+    /// Rows about each of which a sample is the mean.
+    pub(super) counts: [usize; WIDTH],
 }
 
 /// How a channel follows what it is to follow.
@@ -190,14 +193,11 @@ impl CourseAt<'_> {
         let mut last = [[0.0; 3]; 2];
         for (lane, &row) in self.rows.iter().enumerate() {
             if lane == 0 || row != self.rows[lane - 1] {
+                let stretch = self.counts[lane];
                 last = dispatch(
                     #[inline(always)]
-                    || courses.moved(self.table, row, channel, late),
+                    || courses.moved(self.table, row, stretch, channel, late),
                 );
-                // What is read in a stretch is the mean of many rows, of which noise from row to row is no part.
-                if self.of_many {
-                    last[1] = [1.0, 0.0, 0.0];
-                }
             }
             for (to, values) in [&mut all.change, &mut all.spread].into_iter().zip(last) {
                 to.iter_mut().zip(values).for_each(|(to, value)| to.0[lane] = value);
@@ -275,9 +275,17 @@ impl Courses {
         })
     }
 
-    /// Change and the spread of (164), of a row that becomes what it followed.
+    /// Change and the spread of (164), of a row that becomes what it followed, and is the middle of a stretch of
+    /// so many.
     #[inline(always)]
-    fn moved(&self, table: &Table, row: usize, channel: usize, late: Late) -> [Sum<f64>; 2] {
+    fn moved(
+        &self,
+        table: &Table,
+        row: usize,
+        stretch: usize,
+        channel: usize,
+        late: Late,
+    ) -> [Sum<f64>; 2] {
         let Some(time) = &table.time else { return [[0.0; 3], [1.0, 0.0, 0.0]] };
         let reach = self.reach[channel];
         let own = self.local(time, row, reach);
@@ -317,7 +325,7 @@ impl Courses {
             }
         }
         let value = |row: usize| table.values[row * self.reach.len() + channel];
-        of_own.with(&others, row, value)
+        of_own.with(&others, row, stretch, value)
     }
 
     /// Adds what the polynomials about a row and the next make of an instant between both, blended as (165).
@@ -525,9 +533,15 @@ impl Weights {
     }
 
     /// The change since `row` that has these weights and those of others, and what both make of the noise of
-    /// that row, (164).
+    /// the mean of a `stretch` of so many rows about it, (164).
     #[inline(always)]
-    fn with(mut self, others: &Self, row: usize, value: impl Fn(usize) -> f64) -> [Sum<f64>; 2] {
+    fn with(
+        mut self,
+        others: &Self,
+        row: usize,
+        stretch: usize,
+        value: impl Fn(usize) -> f64,
+    ) -> [Sum<f64>; 2] {
         let both = self.first.max(others.first)..self.end.min(others.end);
         let (before, after) = if both.is_empty() {
             (others.rows(), others.end..others.end)
@@ -540,19 +554,25 @@ impl Weights {
         let [mut change, mut half] = [[0.0; 3]; 2];
         // Weights sum to zero: what all rows have in common would only round.
         let own = value(row);
+        let (count, first) = (stretch as f64, row.saturating_sub(stretch / 2));
+        let (part, mut met) = (1.0 / count, 0.0);
         for (of, rows) in [(&self, self.rows()), (others, before), (others, after)] {
             let [whole, by_lag, by_square] = of.of_rows(&rows);
             for (k, w) in zip(rows, zip(whole, zip(by_lag, by_square))) {
                 let w = [*w.0, *w.1.0, *w.1.1];
-                let (apart, whole) = (value(k) - own, w[0] + f64::from(u8::from(k == row)));
+                let of_mean = if (first..first + stretch).contains(&k) { part } else { 0.0 };
+                let (apart, whole) = (value(k) - own, w[0] + of_mean);
+                met += of_mean;
                 for i in 0..3 {
                     change[i] += w[i] * apart;
                     half[i] += whole * if i == 0 { whole } else { w[i] };
                 }
             }
         }
-        let spread = half[0].sqrt();
-        [change, [spread, half[1] / spread, half[2] / spread]]
+        // Rows of the stretch that have no weights.
+        half[0] += (1.0 - met) * part;
+        let spread = (count * half[0]).sqrt();
+        [change, [spread, count * half[1] / spread, count * half[2] / spread]]
     }
 }
 
@@ -607,7 +627,7 @@ mod tests {
         let courses = Courses::of(&table, 1);
         for (row, later) in [(10, 0.234), (10, -0.71), (50, 1.5), (60, -0.05)] {
             let t = table.time.as_ref().expect("times")[row];
-            let [[change, slope, _], _] = courses.moved(&table, row, 0, by(later));
+            let [[change, slope, _], _] = courses.moved(&table, row, 1, 0, by(later));
             assert!((change - (motion(t + later) - motion(t))).abs() < 1e-9, "{row} {later}");
             assert!((slope - speed(t + later)).abs() < 1e-8, "{row} {later}");
         }
@@ -619,10 +639,10 @@ mod tests {
         let table = table(motion);
         let courses = Courses::of(&table, 1);
         // Row 39, at 3.9 s, is the last before the pause; the line there has the slope 7.8.
-        let [[change, slope, _], _] = courses.moved(&table, 38, 0, by(0.5));
+        let [[change, slope, _], _] = courses.moved(&table, 38, 1, 0, by(0.5));
         assert!((slope - 7.8).abs() < 1e-9);
         assert!((change - (3.9 * 3.9 + 7.8 * 0.4 - 3.8 * 3.8)).abs() < 1e-9);
-        let [[change, ..], _] = courses.moved(&table, 0, 0, by(-2.0));
+        let [[change, ..], _] = courses.moved(&table, 0, 1, 0, by(-2.0));
         assert!(change.abs() < 1e-9, "at rest at the beginning: {change}");
     }
 
@@ -641,7 +661,8 @@ mod tests {
         let courses = Courses::of(&table, 1);
         let lags = [-0.33, -0.1, 1e-6, 0.05, 0.1, 0.17, 0.9, 3.0];
         for (lag, square) in lags.into_iter().flat_map(|lag| [(lag, 0.02), (lag, -0.01)]) {
-            let at = |lag, square| courses.moved(&table, 20, 0, Late { lag, square: Some(square) });
+            let at =
+                |lag, square| courses.moved(&table, 20, 5, 0, Late { lag, square: Some(square) });
             let step = 1e-6;
             let later = [at(lag - step, square), at(lag + step, square)];
             let slower = [at(lag, square - step), at(lag, square + step)];
@@ -664,7 +685,7 @@ mod tests {
         for (row, lag, constant) in [(10, 0.234, 0.08), (60, 0.05, 0.05), (55, 0.0, 0.11)] {
             let t = table.time.as_ref().expect("times")[row] + lag - constant;
             let late = Late { lag, square: Some(constant * constant) };
-            let [[change, ..], _] = courses.moved(&table, row, 0, late);
+            let [[change, ..], _] = courses.moved(&table, row, 1, 0, late);
             let goal = motion(t) + constant * speed(t);
             assert!((table.values[row] + change - goal).abs() < 1e-8, "{row} {lag} {constant}");
         }
@@ -676,15 +697,21 @@ mod tests {
         let still = table(|_| 0.0);
         let rough = Courses { reach: vec![5], bent: vec![6], ..Courses::of(&still, 1) };
         let late = |lag| Late { lag, square: Some(0.01) };
-        for (row, later) in [(20, 0.14), (20, 0.0), (20, 2.0), (33, 0.72), (2, -0.4)] {
-            let weight = |k: usize| {
-                let mut one = Table { values: vec![0.0; 80], ..still.clone() };
-                one.values[k] = 1.0;
-                one.values[row] + rough.moved(&one, row, 0, late(later))[0][0]
-            };
-            let variance: f64 = (0..80).map(|k| weight(k).powi(2)).sum();
-            let spread = rough.moved(&still, row, 0, late(later))[1][0];
-            assert!((spread - variance.sqrt()).abs() < 1e-9, "{row} {later}: {spread}");
+        for (row, later) in [(20, 0.14), (20, 0.0), (20, 2.0), (33, 0.72), (4, -0.4)] {
+            for stretch in [1_u32, 4, 8] {
+                let rows = row - stretch as usize / 2..;
+                let weight = |k: usize| {
+                    let mut one = Table { values: vec![0.0; 80], ..still.clone() };
+                    one.values[k] = 1.0;
+                    let mean: f64 =
+                        rows.clone().take(stretch as usize).map(|j| one.values[j]).sum();
+                    mean / f64::from(stretch) + rough.moved(&one, row, 1, 0, late(later))[0][0]
+                };
+                let variance: f64 = (0..80).map(|k| weight(k).powi(2)).sum();
+                let spread = rough.moved(&still, row, stretch as usize, 0, late(later))[1][0];
+                let wanted = (f64::from(stretch) * variance).sqrt();
+                assert!((spread - wanted).abs() < 1e-9, "{row} {later} {stretch}: {spread}");
+            }
         }
     }
 }

@@ -31,8 +31,7 @@ fn reads_finely(values: &[f64], counts: &[bool], poses: &[Vec<usize>], channel: 
     let read = |row: usize| values[row * counts.len() + channel];
     let first = poses.iter().filter_map(|rows| rows.first());
     let apart: HashSet<u64> = first.map(|row| read(*row).to_bits()).collect();
-    let column: Vec<f64> = (0..values.len() / counts.len()).map(read).collect();
-    2 * apart.len() > poses.len() && codes::steps(&column, &counts[channel..=channel]) == [0.0]
+    2 * apart.len() > poses.len() && codes::step_of(values, counts, true, channel) == 0.0
 }
 
 #[cfg(test)]

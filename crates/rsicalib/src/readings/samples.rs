@@ -56,9 +56,8 @@ pub struct Readings {
     /// First and last time of each session (s); numbers of the first and last pose without a time
     /// column.
     pub clock: Vec<[f64; 2]>,
-    /// Rows of the recording of whose stretches these samples are means; none for readings as they
-    /// were taken.
-    pub merged: Option<usize>,
+    /// What these samples are means of; none for readings as they were taken.
+    pub merged: Option<Merged>,
     /// Rows that were taken: of these samples, or of those whose means these are.
     pub taken: usize,
     /// Which closures hold in which rows.
@@ -78,6 +77,15 @@ pub struct Readings {
     /// The session as it was taken, where these are some of its rows or means of them: which row each is,
     /// or stands for. All that a row has from others is from there.
     whole: Option<(Arc<Self>, Vec<usize>)>,
+}
+
+/// Stretches of a recording of which samples are means.
+#[derive(Debug, Clone)]
+pub struct Merged {
+    /// Rows of the recording that count.
+    pub rows: usize,
+    /// Those of each stretch, about its middle row.
+    counts: Vec<usize>,
 }
 
 /// Direction of approach and velocity of each channel, block by block.
@@ -173,17 +181,18 @@ impl Readings {
 
     /// One sample for each stretch of this recording: all that is known of its middle row, with these
     /// readings, one per channel, in place of that row's. `stretches` holds the first row and the
-    /// middle row of each; `rows` is how many rows of the recording count.
+    /// middle row of each, and how many of its rows count; `rows` is how many of the recording do.
     ///
     /// Means and spans are those of the recording, so that parameters are the same.
     #[must_use]
     pub(crate) fn merged(
         self: &Arc<Self>,
-        stretches: &[[usize; 2]],
+        stretches: &[[usize; 3]],
         values: Vec<f64>,
         rows: usize,
     ) -> Self {
-        let middles: Vec<usize> = stretches.iter().map(|[_, middle]| *middle).collect();
+        let middles: Vec<usize> = stretches.iter().map(|[_, middle, _]| *middle).collect();
+        let counts: Vec<usize> = stretches.iter().map(|[.., count]| *count).collect();
         let lane_of = self.lane_of_rows();
         let places: Vec<(usize, usize)> = middles.iter().map(|&row| lane_of[row]).collect();
         let of_block = |f: &dyn Fn(&Block) -> Lanes| -> Vec<f64> {
@@ -197,7 +206,7 @@ impl Readings {
         let mut merged = Self {
             samples: middles.len(),
             channels: self.channels,
-            labels: stretches.iter().map(|[first, _]| self.labels[self.pose[*first]]).collect(),
+            labels: stretches.iter().map(|[first, ..]| self.labels[self.pose[*first]]).collect(),
             pose: (0..middles.len()).collect(),
             held: false,
             timed: self.timed,
@@ -210,7 +219,7 @@ impl Readings {
             groups: self.groups.clone(),
             table,
             clock: self.clock.clone(),
-            merged: Some(rows),
+            merged: Some(Merged { rows, counts }),
             taken: self.taken,
             holding: self.holding.picked(&middles),
             ordered: self.ordered,
@@ -533,13 +542,14 @@ impl Readings {
     /// Where the samples of a block are in the recording that they are of; none where no clock tells.
     pub(crate) fn course(&self, block: usize) -> Option<CourseAt<'_>> {
         let rows = &self.blocks.get(block).filter(|_| self.timed && !self.held)?.rows;
+        let of = |merged: &Merged| rows.map(|row| merged.counts[row]);
+        let counts = self.merged.as_ref().map_or([1; WIDTH], of);
         let (whole, rows) = match &self.whole {
             Some((whole, middles)) => (&**whole, rows.map(|row| middles[row])),
             None => (self, *rows),
         };
         let Self { table, courses, channels, still, .. } = whole;
-        let of_many = self.merged.is_some();
-        Some(CourseAt { table, courses, channels: *channels, still, rows, of_many })
+        Some(CourseAt { table, courses, channels: *channels, still, rows, counts })
     }
 
     /// True where the recording goes on to an instant so much later than a row; true without a clock.

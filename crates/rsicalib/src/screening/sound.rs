@@ -11,9 +11,19 @@ use crate::screening::placements::Damage;
 use crate::screening::steps::SIDE;
 use crate::screening::{converter, outliers, placements};
 
+/// Which rows stay that do not fit their placement: the search may explain them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kept {
+    /// None.
+    Nothing,
+    /// Those that something which happened once may explain.
+    Once,
+    /// All.
+    All,
+}
+
 /// The fit without what is wrong whatever the model lacks, which is left out of the
-/// session: faults of converters, single bad samples, placements; `once` keeps what the search may explain by
-/// something that happened once.
+/// session: faults of converters, single bad samples, placements.
 ///
 /// # Errors
 ///
@@ -21,7 +31,7 @@ use crate::screening::{converter, outliers, placements};
 pub fn sound(
     observations: &mut Observations,
     before: &Fit,
-    once: bool,
+    kept: Kept,
 ) -> Result<(Fit, Vec<Excluded>), Error> {
     let base = &before.model.instances;
     let faults = converter::faults(&observations.mechanism, &observations.readings);
@@ -34,8 +44,10 @@ pub fn sound(
     let faulty = excluded.len();
     excluded.extend(outliers::samples(observations, &sound));
     let weights = observations.weights.clone();
-    let damage = placements::find(observations, &sound)?;
-    excluded.extend(kept_in(observations, &weights, damage, once));
+    if kept != Kept::All {
+        let damage = placements::find(observations, &sound)?;
+        excluded.extend(kept_in(observations, &weights, damage, kept == Kept::Once));
+    }
     let clean = if excluded.len() == faulty {
         sound
     } else {

@@ -141,7 +141,7 @@ impl<'a> Poses<'a> {
     fn tests_bad(&self) -> f64 {
         let readings = &self.at.observations.readings;
         let kinds = if self.at.residuals.equations == 1 { 1 } else { readings.channels + 1 };
-        (readings.merged.unwrap_or(self.live.len()) * kinds) as f64
+        (readings.merged.as_ref().map_or(self.live.len(), |merged| merged.rows) * kinds) as f64
     }
 
     /// Scores of wrong readings of one channel. A recording has millions: of those that nobody

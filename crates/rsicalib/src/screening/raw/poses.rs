@@ -65,7 +65,7 @@ pub(super) fn poses_not_held(raw: &Raw<'_>) -> Vec<Suspect> {
 
 /// Scatter that rounding alone gives; a millionth of the span where there is no grid.
 pub(super) fn resolution(raw: &Raw<'_>) -> Vec<f64> {
-    let rounding = steps(raw.values, &raw.counts()).into_iter().map(|s| s / 12.0_f64.sqrt());
+    let rounding = steps(raw.values, &raw.counts(), true).into_iter().map(|s| s / 12.0_f64.sqrt());
     rounding.zip(raw.spans()).map(|(own, span)| own.max(LEAST * span)).collect()
 }
 
