@@ -21,6 +21,7 @@ from rsicalib.work.arguments import (
     ReadingsArg,
     earlier_result,
     load,
+    mechanism_beside,
     open_mechanism,
 )
 
@@ -64,6 +65,7 @@ def export_result(
     """
     if to not in EXPORTS:
         raise InputError(f"to: found {to!r}, expected one of {', '.join(EXPORTS)}")
+    mechanism = mechanism_beside(mechanism, calibration)
     result, loaded = earlier_result(calibration, open_mechanism(mechanism))
     if to == "toml":
         return {"calibrated.toml": export_toml(mechanism, result)}

@@ -183,7 +183,7 @@ def observability(
     --------
     rsicalib.plan : poses that tell more.
     """
-    opened = open_mechanism(mechanism)
+    opened = open_mechanism(mechanism, calibration)
     values = counts_of(readings, opened, skip_bad_rows)
     offsets, gains = parameters_of(calibration, opened)
     names = options.names("closures", closures)

@@ -136,7 +136,7 @@ def calibrate(
     >>> found.noise.source
     'misclosure of repeats'
     """
-    readings, mechanism = with_logs(readings, mechanism, skip_bad_rows)
+    readings, mechanism = with_logs(readings, mechanism, skip_bad_rows, calibration)
     job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date), population)
     job.take(readings, fit_groups, hold_out_groups)
     options = {

@@ -33,6 +33,7 @@ from rsicalib.work.arguments import (
     MechanismArg,
     PathLike,
     earlier_result,
+    mechanism_beside,
     open_mechanism,
 )
 from rsicalib.work.state import read_state, write_state
@@ -264,7 +265,7 @@ class Monitor:
         *,
         false_alarms: float | None = None,
     ) -> None:
-        result, self.mechanism = earlier_result(calibration, open_mechanism(mechanism))
+        result, self.mechanism = earlier_result(calibration, open_mechanism(mechanism, calibration))
         self.calibration = result
         applied = as_applied(result, self.mechanism)
         noise = result.noise
@@ -473,6 +474,7 @@ def watch(
     InputError
         The readings or the result cannot be used.
     """
+    mechanism = mechanism_beside(mechanism, calibration)
     result, opened = earlier_result(calibration, open_mechanism(mechanism))
     if not isinstance(readings, str | os.PathLike | Readings):
         found, expected = f"a value of type {type(readings).__name__}", "a path or readings"

@@ -94,7 +94,7 @@ def trace(
     >>> [(step.klass, step.target) for step in found.steps]
     [('sensor', 'a22')]
     """
-    readings, mechanism = with_logs(readings, mechanism, skip_bad_rows)
+    readings, mechanism = with_logs(readings, mechanism, skip_bad_rows, calibration)
     job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date), population)
     job.take(readings, fit_groups, hold_out_groups)
     options = {

@@ -52,7 +52,7 @@ class Work:
         about: Mapping[str, str | None],
         population: PopulationArg | None = None,
     ) -> None:
-        self.mechanism = open_mechanism(mechanism)
+        self.mechanism = open_mechanism(mechanism, calibration)
         self.population = (
             None if population is None else read_population(population, self.mechanism)
         )
@@ -219,6 +219,7 @@ class Work:
             "format": kind.FORMAT,
             "version": _core.__version__,
             "mechanism": self.mechanism.name,
+            "made_from": self.mechanism,
             "length_unit": self.mechanism.length_unit,
             **self.about,
             "readings": described(readings),
