@@ -23,7 +23,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.io.extras import parquet_modules
 from rsicalib.io.messages import documents, is_message, message_of, positions_of
-from rsicalib.io.sources import LONGEST_LINE
+from rsicalib.io.sources import LONGEST_LINE, decoded
 from rsicalib.io.tables import PARQUET
 
 CHUNK = 1 << 16
@@ -188,11 +188,7 @@ def _messages(parts: Iterator[list[bytes]], joints: dict[str, str]) -> Iterator[
 
 
 def _header(line: bytes, label: str, channels: Sequence[str], device: bool) -> _Places:
-    try:
-        text = line.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        found = "text that is not UTF-8"
-        raise InputError.at(label, found, EXPECTED, line=1) from None
+    text = decoded(line, label)
     names = [cell.strip() for cell in next(csv.reader([text]), [])]
     return _places(names, label, channels, device)
 
