@@ -115,7 +115,7 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
     if poses and missing and not places and not set(POSE) & set(needed):
         found = f"'{poses[0]}' without '{missing[0]}'"
         expected = f"all six columns {' '.join(POSE)}, or none"
-        raise refuse(missing[0], found, expected)
+        raise refuse(missing[0], found, expected, _meaning(poses[0], mechanism))
     if (
         len(poses) < len(POSE) and not places
     ):  # the mechanism uses one of these names for something else
@@ -131,6 +131,23 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
         )
     warnings = [Warned("ignored_columns", None, text)] if extra else []
     return {name: position for name, position in index.items() if name in used}, warnings
+
+
+def _meaning(name: str, mechanism: MechanismLike) -> str:
+    """What a column of a name is here, and what to do where it holds something else."""
+    channels = ", ".join(channel.name for channel in mechanism.channels)
+    meant_by_it = COLUMNS[name].partition(". ")[0].removesuffix(".")
+    return (
+        f"Here '{name}' means: {meant_by_it}. Rename or drop columns that hold something "
+        f"else; the channels of '{mechanism.name}' are {channels}."
+    )
+
+
+def meaning_of(name: str, mechanism: MechanismLike) -> str:
+    """The same of a column in which no cell can be used; nothing of one that the mechanism has."""
+    if name not in COLUMNS or name in needed_columns(mechanism):
+        return ""
+    return _meaning(name, mechanism)
 
 
 def _role(name: str, mechanism: MechanismLike) -> str:
