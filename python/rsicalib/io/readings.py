@@ -29,7 +29,7 @@ from rsicalib.io.cells import (
 )
 from rsicalib.io.csv_text import csv_of
 from rsicalib.io.files import write_text
-from rsicalib.io.frames import TableArg, table_in_memory
+from rsicalib.io.frames import SOURCE, TableArg, table_in_memory
 from rsicalib.io.order import check_poses_are_together, time_goes_back
 from rsicalib.io.repeats import numbered
 from rsicalib.io.samples import Part, Samples, Skipped, frozen, picked
@@ -396,7 +396,11 @@ def _skipped(
         advice = "Correct the data, or drop such rows with skip_bad_rows (--skip-bad-rows)."
         hint = others + advice
         if len(faults) == len(table.lines):
-            hint = f"No row can be used. {meaning_of(fault.column, mechanism)}".strip()
+            hint = "No row can be used."
+            if fault.column in table.names:
+                cell = table.columns[table.names.index(fault.column)][first]
+                said = meaning_of(fault.column, cell, mechanism, table.source == SOURCE)
+                hint = f"{hint} {said}".strip()
         raise table.fault(first, fault.column, fault.found, fault.expected, hint)
     return tuple(
         Skipped(
