@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rsicalib import options
+from rsicalib import _core, options
 from rsicalib._core import Mechanism, Term
 from rsicalib.errors import InputError, InputTypeError, tell
 from rsicalib.facts.warned import Warned
@@ -235,6 +235,21 @@ def grouped(
     if not kept:
         raise InputError.at(source, "no row left", "some", column="group")
     return kept
+
+
+def names_in(
+    option: str, given: Sequence[str] | None, mechanism: Mechanism, *, none: bool = False
+) -> list[str] | None:
+    """Names of terms or closures of a mechanism as a list: see `options.names`."""
+
+    def known() -> list[str]:
+        if option == "closures":
+            return [closure["name"] for closure in mechanism.to_dict()["closure"]]
+        terms = [(term["id"], term["targets"]) for term in _core.terms(mechanism)]
+        targets = [f"{term}@{target}" for term, own in terms for target in (*own, "each")]
+        return [*(term for term, _ in terms), *targets]
+
+    return options.names(option, given, known, none=none)
 
 
 def noise_of_channels(
