@@ -388,7 +388,11 @@ def test_a_row_of_the_wrong_length_is_refused(write, row, column, found):
         (b"\n\n", 1, "an empty file"),
         (b"\xef\xbb\xbf", 1, "an empty file"),
         ((",".join(HEADER) + "\n").encode(), None, "no readings"),
-        (b"pose,a11\n1,\xff2\n", 2, "byte 0xff, which is not UTF-8: 'ÿ' if the file is Latin-1"),
+        (
+            b"pose,a11\n1,\xff2\n",
+            2,
+            "byte 0xff, which is not UTF-8: 'ÿ2' if the file is Latin-1 (Windows-1252)",
+        ),
         (
             "pose,a11\n".encode("utf-16"),
             1,

@@ -181,7 +181,7 @@ REFUSED = {
         HEAD + '[[channel]]\nname = "q1"\n' * 2 + CHAIN,
         "channel 2, name: found 'q1', expected a name of its own",
     ),
-    "not TOML": ("name = ", "m.toml, file: found .*expected TOML"),
+    "not TOML": ("name = ", "m.toml, line 1: found the end of the file, expected a number"),
 }
 
 

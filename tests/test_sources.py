@@ -74,14 +74,33 @@ def test_a_line_is_counted_with_the_comments_above_it(tmp_path: Path) -> None:
 MISREAD: dict[str, tuple[Callable[[str], bytes], str]] = {
     "another unit": (lambda text: units(text, "deg").encode(), "found unit 'deg', expected unit"),
     "a cut gzip file": (lambda text: gzip.compress(text.encode())[:-9], "damaged"),
-    "Latin-1": (lambda text: f"# Gerät\n{text}".encode("latin-1"), "'ä' if the file is Latin-1"),
+    "Latin-1": (lambda text: f"# Gerät\n{text}".encode("latin-1"), "'ät' if the file is Latin-1"),
+    "Shift-JIS": (
+        lambda text: f"# 番号\n{text}".encode("cp932"),
+        "'番号' if the file is Shift-JIS, expected .* there are others. Save the file as CSV",
+    ),
+    "no text at all": (
+        lambda text: f"# Gerät\n{text}".encode("latin-1") + b"\x81,\x81,\n",
+        r"byte 0xe4, which is not UTF-8, expected text in UTF-8",
+    ),
     "UTF-16": (lambda text: text.encode("utf-16"), "looks like UTF-16"),
     "a picture": (lambda text: b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0", "does not look like text"),
+    "an open quotation mark": (
+        lambda text: f'{text}"1,2\n'.encode(),
+        "a quotation mark that no other one closes",
+    ),
+    "a quotation mark within a cell": (
+        lambda text: f'{text}"1"2,3\n'.encode(),
+        "text behind a closing quotation mark",
+    ),
     "both decimals": (
         lambda text: text.replace(",", ";").replace(".", ",", 1).encode(),
         "expected a finite number",
     ),
-    "one line of 50 MB": (lambda text: b"x" * 50_000_000, "field larger than field limit"),
+    "one line of 50 MB": (
+        lambda text: b"x" * 50_000_000,
+        r"a cell of more than 131,072 characters",
+    ),
 }
 
 

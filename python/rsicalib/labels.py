@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from rsicalib.plain_text import meant
 from rsicalib.tabular import data_frame, html_table, polars_frame
 
 if TYPE_CHECKING:
@@ -100,7 +101,9 @@ class Labelled(_Base):
         try:
             return self.names.index(name)
         except ValueError:
-            raise KeyError(f"no row {name!r}; there are {', '.join(self.names)}") from None
+            near = meant(name, self.names)
+            there = ", ".join(self.names)
+            raise KeyError(f"no row {name!r}{near}; there are {there}") from None
 
     def __reduce__(self) -> Any:
         return Labelled.of, (np.array(self), self.names)

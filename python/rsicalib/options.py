@@ -11,7 +11,7 @@ import argparse
 import inspect
 import math
 import numbers
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
@@ -20,7 +20,7 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib.errors import InputError, InputTypeError
-from rsicalib.plain_text import meant, quoted
+from rsicalib.plain_text import meant, nearest, quoted
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -182,6 +182,12 @@ def checked(verb: Callable[P, T]) -> Callable[P, T]:
     return run
 
 
+def _known_name(given: str, known: Sequence[str]) -> str:
+    """The known name that is nearest, with the value that stands behind it; else as given."""
+    name, equals, value = given.partition("=")
+    return (nearest(name, known) or name) + equals + value
+
+
 def parsed(name: str) -> Callable[[str], Any]:
     """What reads a number of `NUMBERS` on a command line: in digits 0 to 9, nothing else."""
     bounds = NUMBERS[name]
@@ -222,16 +228,24 @@ def rows(poses: int, samples: int) -> None:
         raise InputError(f"found {found}, expected at most {MOST_ROWS:,} samples")
 
 
-def names(name: str, given: Sequence[str] | None, *, none: bool = False) -> list[str] | None:
+def names(
+    name: str,
+    given: Sequence[str] | None,
+    known: Callable[[], Iterable[str]] = tuple,
+    *,
+    none: bool = False,
+) -> list[str] | None:
     """Names as a list, None where none were asked for.
 
-    A single text is refused, as its letters would pass for names; so is an empty list, which
-    would ask for nothing, but where that has a meaning (`none`).
+    A single text is refused, as its letters would pass for names: the message has the list that it
+    should have been, of names that are `known`. So is an empty list, which would ask for nothing,
+    but where that has a meaning (`none`).
     """
     if given is None:
         return None
     if isinstance(given, str):
-        raise InputTypeError(f"{name}: found {given!r}, expected names such as {given.split(',')}")
+        listed = [_known_name(one.strip(), [*known()]) for one in given.split(",")]
+        raise InputTypeError(f"{name}: found {quoted(given)}, expected a list of names: {listed}")
     try:
         found = list(given)
     except TypeError:

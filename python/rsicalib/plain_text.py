@@ -92,8 +92,14 @@ def meant(name: str, known: Iterable[str]) -> str:
     >>> meant("calibarte", ["calibrate", "trace"])
     " (did you mean 'calibrate'?)"
     """
-    near = difflib.get_close_matches(name[:200], [k for k in known if k != name], 1, 0.7)
-    return f" (did you mean {near[0]!r}?)" if near else ""
+    near = nearest(name, (k for k in known if k != name))
+    return "" if near is None else f" (did you mean {near!r}?)"
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that is nearest, itself if it is one of them; None where none is near."""
+    near = difflib.get_close_matches(name[:200], list(known), 1, 0.7)
+    return near[0] if near else None
 
 
 def shortened(message: str) -> str:

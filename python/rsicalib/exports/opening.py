@@ -14,6 +14,7 @@ from rsicalib.exports.kinds import EXPORTS
 from rsicalib.facts.records import to_json
 from rsicalib.io.folders import EXPORT
 from rsicalib.io.readings import Readings
+from rsicalib.plain_text import meant
 from rsicalib.verbs.export import export_toml, export_urdf
 from rsicalib.work.arguments import (
     CalibrationArg,
@@ -21,6 +22,7 @@ from rsicalib.work.arguments import (
     ReadingsArg,
     earlier_result,
     load,
+    mechanism_beside,
     open_mechanism,
 )
 
@@ -63,7 +65,10 @@ def export_result(
         The mechanism is not of that kind, or something that is needed is missing.
     """
     if to not in EXPORTS:
-        raise InputError(f"to: found {to!r}, expected one of {', '.join(EXPORTS)}")
+        raise InputError(
+            f"to: found {to!r}{meant(to, EXPORTS)}, expected one of {', '.join(EXPORTS)}"
+        )
+    mechanism = mechanism_beside(mechanism, calibration)
     result, loaded = earlier_result(calibration, open_mechanism(mechanism))
     if to == "toml":
         return {"calibrated.toml": export_toml(mechanism, result)}

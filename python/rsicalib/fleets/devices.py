@@ -19,8 +19,8 @@ from rsicalib.fleets.frames import TEXT, Frame, frame_like, runs_of, select
 from rsicalib.io.cells import USED, Fault, MechanismLike, needed_columns, read_cells, read_header
 from rsicalib.io.frames import Cells, Columns, columns_of
 from rsicalib.io.tables import Table, text
-from rsicalib.options import names, number
-from rsicalib.work.arguments import Bare, MechanismArg, noise_of_channels, open_mechanism
+from rsicalib.options import number
+from rsicalib.work.arguments import Bare, MechanismArg, names_in, noise_of_channels, open_mechanism
 
 NUMBERS = ("poses", "samples", "chi2", "dof", "p_value", "rms_misclosure")
 """Columns of the results that hold numbers, beside the parameters."""
@@ -106,8 +106,8 @@ def calibrate_devices(
         mechanism,
         [one.table for one in usable],
         [one.rest for one in usable],
-        terms=names("terms", terms),
-        closures=names("closures", closures),
+        terms=names_in("terms", terms, mechanism),
+        closures=names_in("closures", closures, mechanism),
         noise=noise_of_channels(noise, mechanism),
         trace=trace,
         held_out=held_out,

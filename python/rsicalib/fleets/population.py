@@ -18,8 +18,7 @@ from rsicalib.fleets.engines import Part
 from rsicalib.fleets.frames import Rows, numbers_of
 from rsicalib.fleets.levels import Levels
 from rsicalib.fleets.store import Parts
-from rsicalib.options import names
-from rsicalib.work.arguments import noise_of_channels
+from rsicalib.work.arguments import names_in, noise_of_channels
 from rsicalib.work.prior import FORMAT
 
 ROUNDS = 3
@@ -87,7 +86,7 @@ class ShareJob:
             [one.rest for one in usable],
             list(self.terms),
             self.expected,
-            closures=names("closures", self.options.get("closures")),
+            closures=names_in("closures", self.options.get("closures"), self.mechanism),
             noise=noise_of_channels(self.options.get("noise"), self.mechanism),
         )
         refused = {one.label: one.refused for one in devices if one.refused is not None}

@@ -25,7 +25,7 @@ from rsicalib.fleets.standing_out import remarks, spreads
 from rsicalib.fleets.store import Store
 from rsicalib.options import checked, names
 from rsicalib.tabular import Tabular
-from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
+from rsicalib.work.arguments import MechanismArg, PathLike, names_in, open_mechanism
 
 PARTITION = 100
 """Devices of a partition: a second of work or two, which is what a lost worker costs."""
@@ -174,17 +174,19 @@ def fleet(
         The dataset, the options or the folder cannot be used. A device that cannot be used
         is a row.
     """
+    opened = open_mechanism(mechanism)
+    wanted = names_in("terms", terms, opened)
     options = {
-        "terms": names("terms", terms),
-        "closures": names("closures", closures),
+        "terms": wanted,
+        "closures": names_in("closures", closures, opened),
         "noise": dict(noise) if isinstance(noise, Mapping) else noise,
         "trace": trace,
         "held_out": held_out,
     }
     above = tuple(names("levels", levels) or ())
-    job = Job(open_mechanism(mechanism), by, {**options, "time_limit": time_limit})
+    job = Job(opened, by, {**options, "time_limit": time_limit})
     check_names(job.mechanism, by, above)
-    tolerances = tolerances_of(job.mechanism, names("terms", terms)) if population else {}
+    tolerances = tolerances_of(job.mechanism, wanted) if population else {}
     source = Dataset(Path(dataset), by)
     grouped = beside(source.levels, by, above) if above and source.levels is not None else None
     in_rows = above if grouped is None else ()

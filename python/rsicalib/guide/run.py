@@ -20,6 +20,7 @@ from rsicalib.guide.source import Lines, open_source
 from rsicalib.guide.terminal import Screen
 from rsicalib.imports.opening import joints_of
 from rsicalib.options import checked
+from rsicalib.plain_text import meant
 from rsicalib.poses.devices import workspace
 from rsicalib.results.result import Trace
 from rsicalib.work.arguments import Bare, MechanismArg, PathLike, ReadingsArg, load, open_mechanism
@@ -118,7 +119,9 @@ def guide(
     unknown = [name for name in labels or {} if name not in keys]
     if unknown:
         expected = f"one of {', '.join(keys)}" if keys else "none: the mechanism needs no texts"
-        raise InputError(f"labels: found {unknown[0]!r}, expected {expected}")
+        raise InputError(
+            f"labels: found {unknown[0]!r}{meant(unknown[0], keys)}, expected {expected}"
+        )
     if drive is not None and source != "-":
         raise InputError(f"--drive: found --source {source} beside it, expected one of the two")
     log = Log(Path(os.fspath(out)), names, resume, keys, _core.needed_poses(opened) or FITTED)

@@ -116,7 +116,11 @@ class _Channels:
                 return namespace(json.loads(data))
             except (ValueError, RecursionError) as error:
                 raise InputError.at(
-                    self.source, str(error), "JSON", line=number, line_word="message"
+                    self.source,
+                    f"text that is not JSON ({error})",
+                    "JSON",
+                    line=number,
+                    line_word="message",
                 ) from None
         store, kind = self._store(schema, encoding)
         read = store.deserialize_cdr if encoding == "cdr" else store.deserialize_ros1

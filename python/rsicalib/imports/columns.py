@@ -22,9 +22,9 @@ from rsicalib.imports.beside import cells_beside, columns_beside, units_said
 from rsicalib.imports.log import Log
 from rsicalib.imports.series import in_columns
 from rsicalib.imports.stretches import Recording, session_of
-from rsicalib.io.cells import POSE, TIME
+from rsicalib.io.cells import POSE
 from rsicalib.io.tables import PARQUET, Table, is_blank, numbers, quoted, read_table, text
-from rsicalib.io.times import seconds, time_column
+from rsicalib.io.times import TIME, seconds, time_column
 from rsicalib.plain_text import counted
 
 MOST_SAID = 3

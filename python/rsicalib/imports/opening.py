@@ -189,5 +189,6 @@ def _wanted(
     unknown = [name for name in given if name not in joints]
     if unknown:
         expected = f"one of {', '.join(joints)}"
-        raise InputError(f"channels: found no channel {unknown[0]!r}, expected {expected}")
+        found = f"no channel {unknown[0]!r}{meant(unknown[0], joints)}"
+        raise InputError(f"channels: found {found}, expected {expected}")
     return {**joints, **given}

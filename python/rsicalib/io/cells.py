@@ -17,13 +17,12 @@ from rsicalib import _core
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.warned import Warned
-from rsicalib.io.tables import Table, is_blank, numbers, quoted, text
-from rsicalib.io.times import time_column
+from rsicalib.io.tables import Table, is_blank, is_dates, numbers, quoted, text
+from rsicalib.io.times import TIME, time_column
 from rsicalib.plain_text import meant
 
 POSE = ("x", "y", "z", "rx", "ry", "rz")
 TEXTS = ("group", "at")
-TIME = "time_s"
 USED = "used"
 COLUMNS = {
     "pose": "Label of a held pose, a whole number; its rows are neighbours. Without this column "
@@ -115,15 +114,18 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
     if poses and missing and not places and not set(POSE) & set(needed):
         found = f"'{poses[0]}' without '{missing[0]}'"
         expected = f"all six columns {' '.join(POSE)}, or none"
-        raise refuse(missing[0], found, expected)
+        raise refuse(missing[0], found, expected, _meaning(poses[0], mechanism))
     if (
         len(poses) < len(POSE) and not places
     ):  # the mechanism uses one of these names for something else
         used = {name: None for name in used if name in needed or name not in POSE}
     extra = [name or "(no name)" for name in table.names if name not in used]
+    time = time_column(extra) if TIME not in index else None
+    if time is not None and is_dates(table.columns[index[extra[time]]]):
+        index[TIME] = index[extra.pop(time)]
+        time = None
     listed = ", ".join(dict.fromkeys(extra))
     text = f"{table.source}: ignored columns: {listed}"
-    time = time_column(extra) if TIME not in index else None
     if time is not None:
         text += (
             f". {extra[time]!r} looks like a time, which is called {TIME!r} here: rsicalib import "
@@ -131,6 +133,27 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
         )
     warnings = [Warned("ignored_columns", None, text)] if extra else []
     return {name: position for name, position in index.items() if name in used}, warnings
+
+
+def _meaning(name: str, mechanism: MechanismLike) -> str:
+    """What a column of a name is here, and what to do where it holds something else."""
+    channels = ", ".join(channel.name for channel in mechanism.channels)
+    meant_by_it = COLUMNS[name].partition(". ")[0].removesuffix(".")
+    return (
+        f"Here '{name}' means: {meant_by_it}. Rename or drop columns that hold something "
+        f"else; the channels of '{mechanism.name}' are {channels}."
+    )
+
+
+def meaning_of(name: str, cell: Any, mechanism: MechanismLike, in_memory: bool) -> str:
+    """The same of a column in which no cell can be used; nothing of one that the mechanism has."""
+    if name not in COLUMNS or name in needed_columns(mechanism):
+        return ""
+    if name == TIME and isinstance(cell, str) and any(map(str.isdecimal, cell)):
+        if in_memory:
+            return "Text of dates becomes dates by pandas.to_datetime: those are taken."
+        return "Dates as ISO 8601 has them, 2026-03-01 12:00:07.25, are read by rsicalib import."
+    return _meaning(name, mechanism)
 
 
 def _role(name: str, mechanism: MechanismLike) -> str:
@@ -191,7 +214,8 @@ def read_cells(
             if name in optional:
                 blank[name] = bad
         else:
-            cells[name] = table.numbers(position)
+            timed = name == TIME and name not in needed_columns(mechanism)
+            cells[name] = table.times(position) if timed else table.numbers(position)
             bad, expected = _unusable(name, cells[name], mechanism)
             if name in poses:
                 bad &= ~_unknown(raw, table)

@@ -29,6 +29,14 @@ THOUSANDS = re.compile(r"\s*[+-]?[1-9]\d{0,2},\d{3}\s*")
 """A number with a comma that may stand before decimals or before thousands."""
 
 
+MISTAKES = {
+    "unexpected end of data": "a quotation mark that no other one closes",
+    "expected after": "text behind a closing quotation mark",
+    "field larger": f"a cell of more than {csv.field_size_limit():,} characters",
+}
+"""What was found, by what the module `csv` says of it."""
+
+
 @dataclass(frozen=True)
 class CsvText:
     """Rows of cells of a CSV file, the header first.
@@ -105,7 +113,8 @@ def _rows(
             lines.append(above + reader.line_num + 1)  # where the next one begins
     except csv.Error as error:
         expected = "comma-separated values, quotes in pairs"
-        raise InputError.at(source, str(error), expected, line=lines[-1]) from None
+        found = next((words for said, words in MISTAKES.items() if said in str(error)), str(error))
+        raise InputError.at(source, found, expected, line=lines[-1]) from None
     return rows, lines
 
 

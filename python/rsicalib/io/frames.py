@@ -12,6 +12,7 @@ import numpy.typing as npt
 from rsicalib.errors import InputError, InputTypeError
 from rsicalib.io.extras import needed
 from rsicalib.io.tables import Table, table_of_arrays, uncast
+from rsicalib.io.times import TIME, dates_of
 
 Cells: TypeAlias = Sequence[Any] | npt.NDArray[Any]
 Columns: TypeAlias = dict[str, Cells]
@@ -185,13 +186,26 @@ def frame_of(like: Any, columns: Mapping[str, Cells]) -> Any:
 
 
 def _with_index(frame: Any) -> Any:
-    """A frame of pandas with the levels of its index that have a name as columns."""
+    """A frame of pandas with the levels of its index that have a name as columns.
+
+    Dates without a name are the times of the rows.
+    """
+    if _is_of_dates(frame):
+        frame = frame.rename_axis(TIME)
     names = [n for n in getattr(getattr(frame, "index", None), "names", ()) if n is not None]
     if not names:
         return frame
     _refuse_doubled([*map(str, names), *map(str, frame.columns)])
     unnamed = [k for k, name in enumerate(frame.index.names) if name is None]
     return (frame.reset_index(level=unnamed, drop=True) if unnamed else frame).reset_index()
+
+
+def _is_of_dates(frame: Any) -> bool:
+    """Whether the index has no name and holds dates, beside no column of times."""
+    index = getattr(frame, "index", None)
+    if getattr(index, "name", "") is not None or TIME in frame.columns:
+        return False
+    return getattr(getattr(index, "dtype", None), "kind", "") in ("m", "M")
 
 
 def _as_arrow(frame: Any) -> Any:
@@ -216,6 +230,9 @@ def _plain(cells: Any) -> Cells:
         raise InputError.at(SOURCE, f"a column of shape {array.shape}", "(n,)")
     if array.dtype.kind in "iuf":
         return array
+    dates = dates_of(array)
+    if dates is not None:
+        return dates
     if array.dtype.kind != "U":
         try:
             array = cells.to_numpy(dtype=object, na_value=None)  # pandas: NA is no value

@@ -18,11 +18,11 @@ from rsicalib.io.cells import COLUMNS, POSE
 from rsicalib.io.foreign import refuse_foreign
 from rsicalib.io.mjcf import is_mjcf, mechanism_of_mjcf
 from rsicalib.io.sources import read_text
+from rsicalib.io.toml_text import parse_toml
 from rsicalib.io.urdf import (
     UrdfChain,
     chain_from_urdf,
     masses_from_toml,
-    parse_toml,
 )
 from rsicalib.io.urdf_tree import Robot, listed, refuse
 from rsicalib.plain_text import meant

@@ -22,13 +22,14 @@ from rsicalib.io.cells import (
     USED,
     Fault,
     MechanismLike,
+    meaning_of,
     needed_columns,
     read_cells,
     read_header,
 )
 from rsicalib.io.csv_text import csv_of
 from rsicalib.io.files import write_text
-from rsicalib.io.frames import TableArg, table_in_memory
+from rsicalib.io.frames import SOURCE, TableArg, table_in_memory
 from rsicalib.io.order import check_poses_are_together, time_goes_back
 from rsicalib.io.repeats import numbered
 from rsicalib.io.samples import Part, Samples, Skipped, frozen, picked
@@ -299,7 +300,7 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
     if skip_bad_rows:
         ends = _at_an_end(cells, mechanism) | faults
         faults = ends if len(ends) < len(table.lines) else faults
-    skipped = _skipped(table, faults, skip_bad_rows)
+    skipped = _skipped(table, faults, skip_bad_rows, mechanism)
     keep = np.ones(len(table.lines), dtype=np.bool_)
     keep[[*faults]] = False
 
@@ -382,7 +383,9 @@ def _at_an_end(cells: Mapping[str, Any], mechanism: MechanismLike) -> dict[int, 
     return faults
 
 
-def _skipped(table: Table, faults: dict[int, Fault], skip_bad_rows: bool) -> tuple[Skipped, ...]:
+def _skipped(
+    table: Table, faults: dict[int, Fault], skip_bad_rows: bool, mechanism: MechanismLike
+) -> tuple[Skipped, ...]:
     """The bad rows, in order; refuses the file unless they may be skipped."""
     if not faults:
         return ()
@@ -391,7 +394,13 @@ def _skipped(table: Table, faults: dict[int, Fault], skip_bad_rows: bool) -> tup
         fault, more = faults[first], len(faults) - 1
         others = f"{more} more row{'s' * (more > 1)} cannot be used. " if more else ""
         advice = "Correct the data, or drop such rows with skip_bad_rows (--skip-bad-rows)."
-        hint = others + advice if len(faults) < len(table.lines) else "No row can be used."
+        hint = others + advice
+        if len(faults) == len(table.lines):
+            hint = "No row can be used."
+            if fault.column in table.names:
+                cell = table.columns[table.names.index(fault.column)][first]
+                said = meaning_of(fault.column, cell, mechanism, table.source == SOURCE)
+                hint = f"{hint} {said}".strip()
         raise table.fault(first, fault.column, fault.found, fault.expected, hint)
     return tuple(
         Skipped(

@@ -10,7 +10,9 @@ import gzip
 import io
 import json
 import os
+import re
 import sys
+import unicodedata
 import zlib
 from typing import IO, Any
 
@@ -31,6 +33,15 @@ LONGEST_LINE = 1 << 20
 
 MARKS = {b"\xff\xfe": "UTF-16", b"\xfe\xff": "UTF-16"}
 """What other encodings begin with."""
+
+ENCODINGS = {"cp1252": "Latin-1 (Windows-1252)", "cp932": "Shift-JIS"}
+"""What spreadsheets save text in that is not Unicode, and what people call it."""
+
+UNWRITTEN = {"Cc", "Cn", "Co"}
+"""Unicode categories that stand in no text, but for ends of lines and tabs."""
+
+WORD = re.compile(r"""[^\s,;"']{1,20}""")
+"""What is shown of a text, to tell whether it is the right one."""
 
 PIECE = 1 << 26
 """Bytes that are read at a time."""
@@ -162,18 +173,30 @@ def decoded(data: bytes, source: str, *, hint: str = "Save the file in UTF-8.") 
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        byte = f"byte 0x{data[error.start]:02x}, which is not UTF-8"
-        found = f"{byte}: {_other(data, error.start)}"
+        found = f"byte 0x{data[error.start]:02x}, which is not UTF-8"
+        if data[:2] in MARKS:
+            found += f": the file looks like {MARKS[data[:2]]}"
+        else:
+            read = _in_other_encodings(data, error.start)
+            found += f": {', '.join(read)}" if read else ""
+            hint = f"The bytes do not tell which encoding it is, and there are others. {hint}"
         raise InputError.at(source, found, "text in UTF-8", line=line, hint=hint) from None
 
 
-def _other(data: bytes, at: int) -> str:
-    """What bytes that are no UTF-8 may be."""
-    if data[:2] in MARKS:
-        return f"the file looks like {MARKS[data[:2]]}"
-    if b"\0" in data[:ENOUGH]:
-        return f"the file {_looks_like(data)}"
-    return f"{data[at : at + 1].decode('latin-1')!r} if the file is Latin-1"
+def _in_other_encodings(data: bytes, at: int) -> list[str]:
+    """What stands at a byte that is no UTF-8, in each encoding that all bytes are text of."""
+    out = []
+    for encoding, name in ENCODINGS.items():
+        try:
+            text = data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        if any(unicodedata.category(c) in UNWRITTEN and c not in "\r\n\t" for c in {*text}):
+            continue
+        word = WORD.match(text, len(data[:at].decode(encoding, "ignore")))
+        if word is not None:
+            out.append(f"{word[0]!r} if the file is {name}")
+    return out
 
 
 def _looks_like(data: bytes) -> str:
@@ -201,7 +224,7 @@ def read_json(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
     try:
         found = json.loads(text)
     except json.JSONDecodeError as error:
-        line, why = error.lineno, f"not JSON ({error.msg})"
+        line, why = error.lineno, f"text that is not JSON ({error.msg})"
         raise InputError.at(source, why, expected, line=line) from None
     except (ValueError, RecursionError):  # a number of too many digits, nesting that is too deep
         found = "JSON that is too long or nested too deep"

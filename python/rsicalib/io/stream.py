@@ -18,13 +18,16 @@ from pathlib import PurePath
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.io.extras import parquet_modules
+from rsicalib.io.frames import SOURCE, Cells, TableArg, columns_of
 from rsicalib.io.messages import documents, is_message, message_of, positions_of
-from rsicalib.io.sources import LONGEST_LINE
-from rsicalib.io.tables import PARQUET
+from rsicalib.io.sources import LONGEST_LINE, decoded
+from rsicalib.io.tables import PARQUET, is_dates, numbers
+from rsicalib.io.times import TIME, first_of, seconds_of_dates
 
 CHUNK = 1 << 16
 """Bytes that are read at a time, at most: what a pipe holds is taken as soon as it is there."""
@@ -98,6 +101,46 @@ def rows_of(
         return _parquet(name, list(channels), device)
     joints = dict(channels) if isinstance(channels, Mapping) else {c: c for c in channels}
     return _text(name, joints, follow, device)
+
+
+def rows_in_memory(
+    table: TableArg,
+    channels: Sequence[str],
+    *,
+    device: bool = False,
+    since: np.datetime64 | None = None,
+) -> Rows:
+    """Rows of a data frame or of columns; NaN where a cell cannot be used.
+
+    Parameters
+    ----------
+    table : data frame, or mapping of str to array_like
+        With the column `time_s` or without: numbers [s], or dates and durations of its library.
+    channels : sequence of str
+        Names of the columns to take.
+    device : bool
+        Take the column `device`, too.
+    since : datetime64, optional
+        From when dates are counted; from the first where not given.
+
+    Raises
+    ------
+    InputError
+        The table has not each channel once.
+    """
+    columns = columns_of(table)
+    when = _places(list(columns), SOURCE, channels, device).time
+    values = np.column_stack([_column(columns[name]) for name in channels])
+    names = tuple(map(str, columns[DEVICE])) if device else None
+    return Rows(values, None if when is None else _times(columns[TIME], since), names)
+
+
+def _column(cells: Cells) -> FloatArray:
+    return np.full(len(cells), np.nan) if is_dates(cells) else numbers(cells)
+
+
+def _times(cells: Cells, since: np.datetime64 | None) -> FloatArray:
+    return seconds_of_dates(np.asarray(cells), since) if is_dates(cells) else numbers(cells)
 
 
 def _text(name: str, joints: dict[str, str], follow: bool, device: bool) -> Iterator[Rows]:
@@ -188,11 +231,7 @@ def _messages(parts: Iterator[list[bytes]], joints: dict[str, str]) -> Iterator[
 
 
 def _header(line: bytes, label: str, channels: Sequence[str], device: bool) -> _Places:
-    try:
-        text = line.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        found = "text that is not UTF-8"
-        raise InputError.at(label, found, EXPECTED, line=1) from None
+    text = decoded(line, label)
     names = [cell.strip() for cell in next(csv.reader([text]), [])]
     return _places(names, label, channels, device)
 
@@ -251,18 +290,33 @@ def _parquet(name: str, channels: Sequence[str], device: bool) -> Iterator[Rows]
     when = _places(names, name, channels, device).time
     wanted = [*channels] if when is None else [*channels, "time_s"]
     asked = [*wanted, DEVICE] if device else wanted
+    first = None
     for batch in file.iter_batches(batch_size=BATCH, columns=asked):
-        columns = [_floats(batch.column(batch.schema.get_field_index(c))) for c in wanted]
+        raw = [batch.column(batch.schema.get_field_index(c)) for c in wanted]
+        columns = [_floats(column) for column in raw]
+        dates = None if when is None else _dates(raw[-1])
+        if dates is not None:
+            first = first_of(dates) if first is None or np.isnat(first) else first
+            columns[-1] = seconds_of_dates(dates, first)
         values = np.column_stack(columns[: len(channels)])
         named = batch.column(batch.schema.get_field_index(DEVICE)).to_pylist() if device else None
         own = None if named is None else tuple("" if one is None else str(one) for one in named)
         yield Rows(np.ascontiguousarray(values), None if when is None else columns[-1], own)
 
 
+def _dates(column: Any) -> npt.NDArray[Any] | None:
+    """A column of dates or durations; None of other cells."""
+    array = column.to_numpy(zero_copy_only=False)
+    return array if array.dtype.kind in "mM" else None
+
+
 def _floats(column: Any) -> FloatArray:
     """A column as numbers; NaN where it is none."""
     try:
-        return np.array(column.to_numpy(zero_copy_only=False), dtype=np.float64)
+        array = column.to_numpy(zero_copy_only=False)
+        if array.dtype.kind in "mM":
+            return np.full(len(array), np.nan)
+        return np.array(array, dtype=np.float64)
     except (ValueError, TypeError):
         return np.array([_number(cell) for cell in column.to_pylist()])
 

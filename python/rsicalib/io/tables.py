@@ -23,6 +23,7 @@ from rsicalib.errors import InputError
 from rsicalib.io.csv_text import read_csv_text
 from rsicalib.io.extras import parquet_modules
 from rsicalib.io.sources import decoded, read_bytes, refuse_larger, unpacked
+from rsicalib.io.times import dates_of, seconds_of_dates
 
 PARQUET = {".parquet", ".pq"}
 CHUNK = 1 << 25
@@ -88,6 +89,8 @@ class Table:
     def numbers(self, position: int) -> FloatArray:
         """A column as numbers, shape (n,); NaN where a cell is none."""
         cells = self.columns[position]
+        if is_dates(cells):
+            return np.full(len(cells), np.nan)
         if isinstance(cells, np.ndarray) and cells.dtype == np.float16:
             name = self.names[position]
             found = "float16, which has no number between 2048 and 2050"
@@ -97,6 +100,16 @@ class Table:
             return numbers(cells)
         # With decimal commas, a point is no part of a number.
         return numbers([str(c).replace(".", "?").replace(",", ".") for c in cells])
+
+    def times(self, position: int) -> FloatArray:
+        """A column of times in seconds: numbers as they are, dates from the first on."""
+        cells = self.columns[position]
+        return seconds_of_dates(np.asarray(cells)) if is_dates(cells) else self.numbers(position)
+
+
+def is_dates(cells: Sequence[Any] | npt.NDArray[Any]) -> bool:
+    """Whether a column holds dates or durations of a library, not text or numbers."""
+    return isinstance(cells, np.ndarray) and cells.dtype.kind in "mM"
 
 
 @dataclass(frozen=True)
@@ -278,6 +291,9 @@ def _read_parquet(data: bytes, source: str, sha256: str) -> Table:
 
 
 def _parquet_cells(column: Any, types: Any) -> Sequence[Any] | npt.NDArray[Any]:
+    if types.is_timestamp(column.type) or types.is_duration(column.type):
+        dates: npt.NDArray[Any] = column.to_numpy()
+        return dates
     plain = types.is_integer(column.type) or types.is_floating(column.type)
     cells: Sequence[Any] | npt.NDArray[Any]
     cells = column.to_numpy() if plain and not column.null_count else column.to_pylist()
@@ -319,9 +335,9 @@ def table_of_arrays(blocks: list[tuple[Sequence[str], object]], source: str) -> 
             raise InputError.at(source, found, expected, column=name)
         for name, cells in zip(group, array.reshape(rows, len(group)).T, strict=True):
             names.append(name)
-            columns.append(cells if array.dtype.kind in "iuf" else cells.tolist())
+            plain = array.dtype.kind in "iufmM"
+            columns.append(cells if plain else cells.tolist())
             digest.update(name.encode() + b"\0")
-            plain = array.dtype.kind in "iuf"
             digest.update(cells.tobytes() if plain else repr(cells.tolist()).encode())
     lines = np.arange(1, rows + 1, dtype=np.int64)
     return Table(names, columns, lines, "row", source, digest.hexdigest())
@@ -337,10 +353,11 @@ def _array(given: object, column: str | None, source: str) -> npt.NDArray[Any]:
         array = uncast(given)
     except ValueError as error:
         raise InputError.at(source, str(error), "an array", column=column) from None
-    if array.dtype.kind not in "iufUO":
+    if array.dtype.kind not in "iufUOmM":
         found = f"type {array.dtype}"
         raise InputError.at(source, found, "numbers", column=column)
-    return array
+    dates = dates_of(array) if array.ndim == 1 else None
+    return array if dates is None else dates
 
 
 def uncast(given: object) -> npt.NDArray[Any]:

@@ -7,12 +7,16 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray
 
+TIME = "time_s"
+"""The column of times."""
+
 NAMES = (
     *(
-        "time_s",
+        TIME,
         "__time",
         "time",
         "timestamp",
@@ -68,6 +72,10 @@ def seconds(cells: Sequence[Any], name: str) -> tuple[FloatArray, str | None] | 
     (ndarray, str or None), or int
         Or the place of the first cell that is no time.
     """
+    dates = dates_of(cells) if len(cells) and not isinstance(cells[0], str) else None
+    if dates is not None:
+        unknown = np.flatnonzero(np.isnat(dates))
+        return int(unknown[0]) if len(unknown) else (seconds_of_dates(dates), "times are dates")
     exact: list[Any] = []
     for place, cell in enumerate(cells):
         time = _exact(cell)
@@ -90,6 +98,56 @@ def seconds(cells: Sequence[Any], name: str) -> tuple[FloatArray, str | None] | 
         if decimals:
             note = f"times of {name!r} are taken as {EPOCH[decimals]} since 1970"
     return np.array([float(t - exact[0]) for t in exact]) / 10**decimals, note
+
+
+def dates_of(cells: Any) -> npt.NDArray[Any] | None:
+    """Dates or durations of a library as an array of NumPy, NaT where nothing is known.
+
+    None for other cells: numbers, text, or dates of which only some have a time zone.
+    """
+    array = np.asarray(cells)
+    if array.dtype.kind in "mM":
+        return array
+    known = [cell for cell in array.flat if not _is_none(cell)] if array.dtype == object else []
+    for kind in (datetime.datetime, datetime.timedelta):
+        if known and all(isinstance(cell, kind) for cell in known):
+            break
+    else:
+        return None
+    if len({getattr(cell, "tzinfo", None) is None for cell in known}) > 1:
+        return None
+    nothing = np.datetime64("NaT") if kind is datetime.datetime else np.timedelta64("NaT")
+    return np.array([nothing if _is_none(cell) else _of_numpy(cell) for cell in array.flat])
+
+
+def _is_none(cell: Any) -> bool:
+    """Whether a cell is None, or what is not equal to itself: NaN, or NaT of pandas."""
+    return cell is None or bool(cell != cell)
+
+
+def _of_numpy(cell: Any) -> Any:
+    """A date or a duration as NumPy has it, to the nanosecond where pandas has one."""
+    if isinstance(cell, datetime.datetime) and cell.tzinfo is not None:
+        cell = cell.astimezone(datetime.UTC).replace(tzinfo=None)
+    of_pandas = getattr(cell, "asm8", None)
+    if of_pandas is not None:
+        return of_pandas
+    return np.datetime64(cell) if isinstance(cell, datetime.datetime) else np.timedelta64(cell)
+
+
+def seconds_of_dates(dates: npt.NDArray[Any], first: Any = None) -> FloatArray:
+    """Dates as seconds from the first, or from `first`; durations in seconds. NaN for NaT."""
+    if dates.dtype.kind == "M":
+        first = first_of(dates) if first is None else first
+        dates = dates - first
+    found: FloatArray = dates / np.timedelta64(1, "s")
+    return found
+
+
+def first_of(dates: npt.NDArray[Any]) -> Any:
+    """The first that is known; NaT where none is."""
+    known = dates[~np.isnat(dates)]
+    return known[0] if len(known) else np.datetime64("NaT")
 
 
 def _exact(cell: Any) -> int | float | datetime.datetime | None:

@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 import os
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -28,6 +27,7 @@ import numpy as np
 
 from rsicalib.io.rigid import Matrix, inverse, joint_motion, rigid, rotation, xyz_rpy
 from rsicalib.io.sources import read_text
+from rsicalib.io.toml_text import parse_toml
 from rsicalib.io.urdf_path import JointPath, Mass, Masses, stretch
 from rsicalib.io.urdf_tree import ORIGIN, Joint, Robot, Step, listed, refuse
 
@@ -228,18 +228,6 @@ def read_toml(file: str) -> dict[str, Any]:
         The file cannot be read, or is not TOML.
     """
     return parse_toml(read_text(file, "a TOML file"), file)
-
-
-def parse_toml(text: str, name: str) -> dict[str, Any]:
-    """What `tomllib` makes of a text; `InputError` where it is not TOML."""
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        at = re.search(r"\bat line (\d+)", str(error))
-        line = None if at is None else int(at[1])
-        refuse(name, "file", line=line, found=str(error), expected="TOML")
-    except RecursionError:
-        refuse(name, "file", found="values nested too deeply", expected="TOML")
 
 
 def write_urdf(

@@ -20,7 +20,7 @@ from typing import Any
 from rsicalib import _core, options
 from rsicalib.facts.records import Record
 from rsicalib.tabular import Tabular
-from rsicalib.work.arguments import MechanismArg, open_mechanism
+from rsicalib.work.arguments import MechanismArg, names_in, open_mechanism
 
 COMPLETE = _core.COMPLETE
 """Complete geometry of any chain, with its sensors; and where there are such, `point_position` and
@@ -123,8 +123,8 @@ def identifiable(
     >>> found.minimal, found.known
     (57, 50)
     """
-    found = _core.identifiable(
-        open_mechanism(mechanism), None if terms is None else list(terms), seed=seed
-    )
+    opened = open_mechanism(mechanism)
+    wanted = names_in("terms", terms, opened, none=True)
+    found = _core.identifiable(opened, wanted, seed=seed)
     counts = tuple(Counted(*count) for count in found["terms"])
     return Identifiable(**{**found, "terms": counts, "hidden": tuple(found["hidden"])})

@@ -22,6 +22,7 @@ from rsicalib.work.arguments import (
     ReadingsArg,
     earlier_result,
     load,
+    names_in,
     open_mechanism,
 )
 
@@ -183,13 +184,13 @@ def observability(
     --------
     rsicalib.plan : poses that tell more.
     """
-    opened = open_mechanism(mechanism)
+    opened = open_mechanism(mechanism, calibration)
     values = counts_of(readings, opened, skip_bad_rows)
     offsets, gains = parameters_of(calibration, opened)
-    names = options.names("closures", closures)
+    names = names_in("closures", closures, opened)
     measures = []
     found = {}
-    for scaling in scalings:
+    for scaling in options.names("scalings", scalings, lambda: SCALINGS, none=True) or ():
         found = _core.observability(opened, values, offsets, gains, scaling, closures=names)
         singular = tuple(found["singular_values"])
         measures.append(Measures(scaling, **found["measures"], singular_values=singular))

@@ -73,7 +73,7 @@ def bound(
     >>> bound(up + down).offset_rms < 0.05
     True
     """
-    opened = open_mechanism(mechanism)
+    opened = open_mechanism(mechanism, calibration)
     wanted = np.ascontiguousarray(poses, dtype=np.float64).reshape(-1, 6)
     return _bound(noise, _core.bound_at(opened, *parameters_of(calibration, opened), wanted, noise))
 
@@ -150,7 +150,7 @@ def plan(
     >>> plan(poses=12, criterion="offsets").bound.offset_rms < 0.0056
     True
     """
-    opened = open_mechanism(mechanism)
+    opened = open_mechanism(mechanism, calibration if result is None else result)
     struck = None if off is None else counts_of(off, opened)
     if target is not None and (result is None or criterion not in (None, "platform")):
         found = "no result" if result is None else f"criterion {criterion!r}"

@@ -176,7 +176,7 @@ def workspace(
     >>> workspace(found, poses=50).poses.shape
     (50, 6)
     """
-    opened = open_mechanism(mechanism)
+    opened = open_mechanism(mechanism, calibration)
     if within is not None and not opened.to_dict().get("platform"):
         raise InputError(f"within: found {opened.name!r} without a platform, expected one")
     if within is None and not _boxed(opened):

@@ -15,7 +15,6 @@ from rsicalib.arrays import Alike, FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import Record
 from rsicalib.facts.shapes import Rms
-from rsicalib.options import names
 from rsicalib.plots import dots as draw_dots
 from rsicalib.plots import on_axes
 from rsicalib.report.figure import Figure
@@ -24,7 +23,7 @@ from rsicalib.report.residuals import MOST_DOTS, Dots, draw_residuals
 from rsicalib.report.words import name_of
 from rsicalib.tabular import Told
 from rsicalib.units import with_unit
-from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg
+from rsicalib.work.arguments import CalibrationArg, MechanismArg, ReadingsArg, SessionsArg, names_in
 from rsicalib.work.job import Work
 from rsicalib.work.outcome import about
 
@@ -215,9 +214,9 @@ def suppose(
     """
     job = Work(mechanism, skip_bad_rows, calibration, about(None, None, None))
     job.take(readings, None, None, known_poses=True)
-    options = {"closures": names("closures", closures), "noise": job.noise(noise)}
+    options = {"closures": names_in("closures", closures, job.mechanism), "noise": job.noise(noise)}
     session = job.session(rest, job.terms(model), options)
-    wanted = names("terms", terms) or []
+    wanted = names_in("terms", terms, job.mechanism) or []
     if not wanted:
         raise InputError("found no term, expected one such as 'curvature@a22.c2=0.02'")
     own = {"mechanism": job.mechanism.name, "length_unit": job.mechanism.length_unit}

@@ -175,7 +175,7 @@ def _placed(
     *,
     sd: bool,
 ) -> Places:
-    loaded = open_mechanism(mechanism)
+    loaded = open_mechanism(mechanism, calibration)
     one = readings_for(readings, loaded, skip_bad_rows)
     result = None
     if calibration is not None:

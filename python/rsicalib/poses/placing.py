@@ -47,7 +47,7 @@ class Placer:
     def __init__(
         self, mechanism: MechanismArg = "rsi", calibration: CalibrationArg | None = None
     ) -> None:
-        loaded, result = open_mechanism(mechanism), None
+        loaded, result = open_mechanism(mechanism, calibration), None
         if calibration is not None:
             result, loaded = earlier_result(calibration, loaded)
         self._of = loaded, result

@@ -140,7 +140,8 @@ class Interactive(ResultShape, eq=False, repr=False, kw_only=True):
             return self._plot_effects(ax)
         if kind == "parameters":
             return self._plot_parameters(ax)
-        raise ValueError(f"found {kind!r}, expected 'residuals', 'effects' or 'parameters'")
+        near = meant(str(kind), ("residuals", "effects", "parameters"))
+        raise ValueError(f"found {kind!r}{near}, expected 'residuals', 'effects' or 'parameters'")
 
     def _plot_residuals(self, ax: Axes | None) -> Axes:
         rows = {"before": self.before_residuals, "after": self.after_residuals}

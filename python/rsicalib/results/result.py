@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from rsicalib import _core
+from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, ResultError, UndeterminedError
 from rsicalib.facts.digest import digest_of_numbers
-from rsicalib.facts.records import to_json
+from rsicalib.facts.records import NOT_WRITTEN, to_json
 from rsicalib.facts.shapes import CalibrationShape, Evidence, FitQuality, TraceShape
 from rsicalib.facts.verdicts import EXIT_CODES
 from rsicalib.io.files import write_text
@@ -29,6 +30,9 @@ class Result(Interactive, eq=False, repr=False, kw_only=True):
     """What a calibration and a traced calibration have in common."""
 
     FORMAT: ClassVar[str]
+
+    made_from: Mechanism | None = field(default=None, metadata=NOT_WRITTEN)
+    """The mechanism that it was made from; None where the result was read from a file."""
 
     @property
     def values(self) -> FloatArray:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from rsicalib.errors import UndeterminedError
-from rsicalib.options import checked, names
+from rsicalib.options import checked
 from rsicalib.results.result import Calibration
 from rsicalib.work.arguments import (
     CalibrationArg,
     MechanismArg,
     ReadingsArg,
     SessionsArg,
+    names_in,
     with_logs,
 )
 from rsicalib.work.job import Work
@@ -136,11 +137,11 @@ def calibrate(
     >>> found.noise.source
     'misclosure of repeats'
     """
-    readings, mechanism = with_logs(readings, mechanism, skip_bad_rows)
+    readings, mechanism = with_logs(readings, mechanism, skip_bad_rows, calibration)
     job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date), population)
     job.take(readings, fit_groups, hold_out_groups)
     options = {
-        "closures": names("closures", closures),
+        "closures": names_in("closures", closures, job.mechanism),
         "method": method,
         "noise": job.noise(noise),
         "progress": listener(progress),

@@ -37,6 +37,7 @@ from rsicalib.work.arguments import (
     MechanismArg,
     ReadingsArg,
     earlier_result,
+    mechanism_beside,
     open_mechanism,
 )
 
@@ -104,6 +105,7 @@ def certify(
     >>> certify(found, limit="1 mm").decision
     'within'
     """
+    mechanism = mechanism_beside(mechanism, result)
     opened = open_mechanism(mechanism)
     earlier, opened = earlier_result(result, opened)
     quantity, size, unit = _limit(limit, opened)

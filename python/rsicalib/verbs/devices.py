@@ -16,7 +16,8 @@ import numpy as np
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
-from rsicalib.io.stream import Rows, rows_of
+from rsicalib.io.frames import TableArg
+from rsicalib.io.stream import Rows, rows_in_memory, rows_of
 from rsicalib.results.result import Result
 from rsicalib.verbs.monitor import Alarm, Kept, Monitor, Watch
 from rsicalib.work.arguments import MechanismArg, PathLike, earlier_result, open_mechanism
@@ -32,7 +33,7 @@ COUNTED = ("rows", "used", "unreadable", "repeated", "late", "missing", "outlier
 
 @options.checked
 def watch_devices(
-    readings: PathLike,
+    readings: PathLike | TableArg,
     calibrations: PathLike,
     mechanism: MechanismArg = "rsi",
     *,
@@ -45,7 +46,7 @@ def watch_devices(
 
     Parameters
     ----------
-    readings : path or "-"
+    readings : path, "-", data frame or mapping
         CSV or Parquet with a column per channel and a column `device`, `time_s` optional; `-` is
         standard input.
     calibrations : path
@@ -74,11 +75,14 @@ def watch_devices(
     """
     opened = open_mechanism(mechanism)
     paths = _results(Path(calibrations), opened)
-    rows = rows_of(
-        readings, [channel.name for channel in opened.channels], follow=follow, device=True
-    )
-    live = readings == "-" or follow
-    source = None if readings == "-" else os.path.abspath(os.fspath(readings))
+    channels = [channel.name for channel in opened.channels]
+    source = None
+    if isinstance(readings, str | os.PathLike):
+        rows = rows_of(readings, channels, follow=follow, device=True)
+        source = None if readings == "-" else os.path.abspath(os.fspath(readings))
+    else:
+        rows = iter([rows_in_memory(readings, channels, device=True)])
+    live = follow or (isinstance(readings, str) and readings == "-")
     return WatchingDevices(
         rows if live else _gathered(rows), paths, opened, _rate(false_alarms), state, source, awake
     )

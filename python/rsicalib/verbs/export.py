@@ -89,7 +89,7 @@ def calibrated(mechanism: MechanismArg, calibration: CalibrationArg) -> Calibrat
     InputError
         The result is of another mechanism.
     """
-    result, loaded = earlier_result(calibration, open_mechanism(mechanism))
+    result, loaded = earlier_result(calibration, open_mechanism(mechanism, calibration))
     found, tips, notes = _core.exported(loaded, as_applied(result, loaded))
     return Calibrated(found, tips, tuple(map(Noted.from_dict, notes)))
 

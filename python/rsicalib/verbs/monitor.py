@@ -16,13 +16,15 @@ import numpy.typing as npt
 
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
-from rsicalib.errors import InputError, InputTypeError
+from rsicalib.errors import InputError
 from rsicalib.facts.records import Record, to_json
 from rsicalib.facts.shapes import Rms
 from rsicalib.imports.kinds import KINDS, format_of
+from rsicalib.imports.log import Log
 from rsicalib.imports.opening import import_log, joints_of
+from rsicalib.io.frames import TableArg, as_table, is_frame
 from rsicalib.io.readings import Readings
-from rsicalib.io.stream import Rows, rows_of
+from rsicalib.io.stream import Rows, rows_in_memory, rows_of
 from rsicalib.results.result import Calibration, Result, Trace
 from rsicalib.tabular import Told
 from rsicalib.units import with_unit
@@ -32,7 +34,10 @@ from rsicalib.work.arguments import (
     CalibrationArg,
     MechanismArg,
     PathLike,
+    ReadingsArg,
     earlier_result,
+    load,
+    mechanism_beside,
     open_mechanism,
 )
 from rsicalib.work.state import read_state, write_state
@@ -48,6 +53,10 @@ RESULTS: dict[str, type[Result]] = {kind.FORMAT: kind for kind in (Calibration, 
 
 SAVED_S = 1.0
 """A state on disk is no older, beside what the last rows have changed."""
+
+
+EPOCH = np.datetime64(0, "s")
+"""From here dates count where rows come frame by frame: each frame begins at another one."""
 
 
 class Change(Record):
@@ -264,7 +273,7 @@ class Monitor:
         *,
         false_alarms: float | None = None,
     ) -> None:
-        result, self.mechanism = earlier_result(calibration, open_mechanism(mechanism))
+        result, self.mechanism = earlier_result(calibration, open_mechanism(mechanism, calibration))
         self.calibration = result
         applied = as_applied(result, self.mechanism)
         noise = result.noise
@@ -289,17 +298,18 @@ class Monitor:
 
     def update(
         self,
-        readings: npt.ArrayLike | Mapping[str, float] | Readings,
+        readings: npt.ArrayLike | Mapping[str, float] | Readings | TableArg,
         time_s: npt.ArrayLike | None = None,
     ) -> list[Alarm]:
         """Test one sample, or several one after the other.
 
         Parameters
         ----------
-        readings : array_like, shape (channels,) or (n, channels), mapping, or Readings
+        readings : array_like, shape (channels,) or (n, channels), mapping, data frame, or Readings
             In each channel's unit, in the mechanism's order or by name.
         time_s : float or array_like, shape (n,), optional
-            Time of each sample [s]; that of `Readings` where they have one.
+            Time of each sample [s]; that of `Readings`, or the column `time_s` of a frame, where
+            they have one. Dates in a frame are counted from 1970.
 
         Returns
         -------
@@ -312,16 +322,22 @@ class Monitor:
         InputError
             The readings are not of these channels.
         """
-        if isinstance(readings, Mapping):
-            missing = [name for name in self._names if name not in readings]
+        given: Any = readings
+        if isinstance(given, Mapping):
+            missing = [name for name in self._names if name not in given]
             if missing:
                 found = f"no reading of {missing[0]}"
                 raise InputError(f"{found}; expected one of each of {', '.join(self._names)}")
-            readings = [readings[name] for name in self._names]
-        if isinstance(readings, Readings):
-            time_s = readings.time_s if time_s is None else time_s
-            readings = readings.values
-        values = np.ascontiguousarray(readings, dtype=np.float64)
+            if all(np.ndim(given[name]) == 0 for name in self._names):
+                given = [given[name] for name in self._names]
+        if isinstance(given, Readings):
+            time_s = given.time_s if time_s is None else time_s
+            given = given.values
+        elif is_frame(given) or isinstance(given, Mapping):
+            table = rows_in_memory(given, self._names, since=EPOCH)
+            time_s = table.time_s if time_s is None else time_s
+            given = table.values
+        values = np.ascontiguousarray(given, dtype=np.float64)
         if values.ndim == 1:
             one = None if time_s is None else float(np.asarray(time_s))
             return _alarms(self._core.update(values, one))
@@ -433,7 +449,7 @@ def _alarms(found: list[dict[str, Any]]) -> list[Alarm]:
 
 
 def watch(
-    readings: PathLike | Readings,
+    readings: ReadingsArg,
     calibration: CalibrationArg,
     mechanism: MechanismArg = "rsi",
     *,
@@ -445,7 +461,7 @@ def watch(
 
     Parameters
     ----------
-    readings : path, "-" or Readings
+    readings : path, "-", Readings, data frame, array or mapping
         CSV or Parquet with a column per channel, `time_s` optional; `-` is standard input. Joint
         states as `ros2 topic echo` prints them are taken as they come, and a log of another
         program as `import_log` reads it.
@@ -473,18 +489,30 @@ def watch(
     InputError
         The readings or the result cannot be used.
     """
+    mechanism = mechanism_beside(mechanism, calibration)
     result, opened = earlier_result(calibration, open_mechanism(mechanism))
-    if not isinstance(readings, str | os.PathLike | Readings):
-        found, expected = f"a value of type {type(readings).__name__}", "a path or readings"
-        raise InputTypeError(f"readings: found {found}, expected {expected}")
-    if isinstance(readings, Readings):
-        rows: Iterator[Rows] = iter([Rows(readings.values, readings.time_s)])
-    else:
+    source = None
+    if isinstance(readings, str | os.PathLike):
         rows = _rows(readings, mechanism, opened, follow)
+        source = None if readings == "-" else os.path.abspath(os.fspath(readings))
+    else:
+        rows = iter(_given(readings, opened))
     rate, rows = _rate(false_alarms, rows)
-    source = None if isinstance(readings, Readings) or readings == "-" else os.fspath(readings)
-    source = None if source is None else os.path.abspath(source)
     return Watching(Monitor(result, opened, false_alarms=rate), rows, state, source)
+
+
+def _given(readings: Readings | Log | TableArg, mechanism: Mechanism) -> list[Rows]:
+    """Rows that are in memory already; NaN where a cell of a table cannot be used."""
+    channels = [channel.name for channel in mechanism.channels]
+    if isinstance(readings, Log):
+        sessions = readings.readings(Bare(mechanism))
+        return [Rows(one.values, one.time_s) for one in sessions]
+    if not isinstance(readings, Readings):
+        table: Any = as_table(readings)
+        if is_frame(table) or isinstance(table, Mapping):
+            return [rows_in_memory(table, channels)]
+        readings = load(table, Bare(mechanism), False)
+    return [Rows(readings.values, readings.time_s)]
 
 
 def _rows(

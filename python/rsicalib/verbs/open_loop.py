@@ -104,6 +104,7 @@ def fixture(
     opened = None if job.checked is None else open_loops(job.checked, job.mechanism, result)
     judged = _core.judged_open_loop(count, checked, declared, opened and opened[:3])
     again = result.to_dict() | judged | {"fit": NOTHING | fit, "nominal": NOTHING | nominal}
+    again["made_from"] = result.made_from
     if opened is not None:
         told = Warned("open_loops", None, opened.text)
         again["warnings"] = [*again["warnings"], told.to_dict()]

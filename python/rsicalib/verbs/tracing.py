@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from rsicalib.errors import UndeterminedError
-from rsicalib.options import checked, names
+from rsicalib.options import checked
 from rsicalib.results.result import Trace
 from rsicalib.work.arguments import (
     CalibrationArg,
     MechanismArg,
     ReadingsArg,
     SessionsArg,
+    names_in,
     with_logs,
 )
 from rsicalib.work.job import Work
@@ -94,11 +95,11 @@ def trace(
     >>> [(step.klass, step.target) for step in found.steps]
     [('sensor', 'a22')]
     """
-    readings, mechanism = with_logs(readings, mechanism, skip_bad_rows)
+    readings, mechanism = with_logs(readings, mechanism, skip_bad_rows, calibration)
     job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date), population)
     job.take(readings, fit_groups, hold_out_groups)
     options = {
-        "closures": names("closures", closures),
+        "closures": names_in("closures", closures, job.mechanism),
         "noise": job.noise(noise),
         "progress": listener(progress),
         "starts": starts,
@@ -109,7 +110,9 @@ def trace(
     known = job.known(check, check_point, (check_noise, check_noise_angle))
     beside = job.beside(known, align)
     try:
-        report = session.trace(beside, without=names("without", without), apply_all=apply_all)
+        report = session.trace(
+            beside, without=names_in("without", without, job.mechanism), apply_all=apply_all
+        )
     except UndeterminedError as error:
         nothing = {"before": NOTHING, "after": NOTHING}
         return Trace.made(job.too_few(Trace, error, session) | nothing)

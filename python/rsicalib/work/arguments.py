@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rsicalib import options
+from rsicalib import _core, options
 from rsicalib._core import Mechanism, Term
 from rsicalib.errors import InputError, InputTypeError, tell
 from rsicalib.facts.warned import Warned
@@ -32,8 +32,12 @@ SessionsArg: TypeAlias = ReadingsArg | Sequence[ReadingsArg]
 CalibrationArg: TypeAlias = PathLike | Result
 
 
-def open_mechanism(name_or_path: MechanismArg) -> Mechanism:
-    """A mechanism by name, from a file, from text, from plain values, or as it is."""
+def open_mechanism(name_or_path: MechanismArg, beside: CalibrationArg | None = None) -> Mechanism:
+    """A mechanism by name, from a file, from text, from plain values, or as it is.
+
+    `beside` is the result that is taken with it: see `mechanism_beside`.
+    """
+    name_or_path = mechanism_beside(name_or_path, beside)
     if isinstance(name_or_path, Mechanism):
         return name_or_path
     if not isinstance(name_or_path, str | os.PathLike | Mapping):
@@ -44,6 +48,17 @@ def open_mechanism(name_or_path: MechanismArg) -> Mechanism:
     from rsicalib.io.mechanisms import load_mechanism
 
     return load_mechanism(name_or_path)
+
+
+def mechanism_beside(mechanism: MechanismArg, result: CalibrationArg | None) -> MechanismArg:
+    """The mechanism that holds beside a result: the given one; where none was chosen, its own.
+
+    A result that was made in this process knows the mechanism that it was made from. One that was
+    read from a file does not: the default holds, and `earlier_result` asks for the mechanism.
+    """
+    own = result.made_from if isinstance(result, Result) else None
+    # A file cannot hold a mechanism: what it calls so is text.
+    return own if isinstance(own, Mechanism) and _default(mechanism) else mechanism
 
 
 def earlier_result(
@@ -118,24 +133,28 @@ class Bare:
 
 
 def with_logs(
-    readings: SessionsArg, mechanism: MechanismArg, skip: bool
+    readings: SessionsArg,
+    mechanism: MechanismArg,
+    skip: bool,
+    beside: CalibrationArg | None = None,
 ) -> tuple[SessionsArg, MechanismArg]:
     """Sessions with the logs of other programs among them read.
 
-    A mechanism that such a log brings along is the one that holds where none was chosen.
+    A mechanism that such a log brings along is the one that holds where none was chosen; after it
+    that of the result `beside`.
     """
     if not isinstance(readings, Readings | Log):
         readings = as_table(readings)
+    own_of_result = mechanism_beside(mechanism, beside)
     single = isinstance(readings, str | os.PathLike | Readings | Log) or in_memory(readings)
     if not single and not isinstance(readings, Iterable):
-        return readings, mechanism  # refused where readings are taken
+        return readings, own_of_result  # refused where readings are taken
     several: list[Any] = [readings] if single else list(readings)  # type: ignore[arg-type]
-    logs = {k: log for k, one in enumerate(several) if (log := _log(one, mechanism, skip))}
+    logs = {k: log for k, one in enumerate(several) if (log := _log(one, mechanism, skip, beside))}
     if not logs:
-        return (several[0] if single else several), mechanism
+        return (several[0] if single else several), own_of_result
     own = next((log.mechanism for log in logs.values() if log.mechanism is not None), None)
-    if own is not None and _default(mechanism):
-        mechanism = own
+    mechanism = own if own is not None and _default(mechanism) else own_of_result
     loaded = open_mechanism(mechanism)
     out: list[ReadingsArg] = []
     for k, one in enumerate(several):
@@ -151,7 +170,9 @@ def _default(mechanism: MechanismArg) -> bool:
     return isinstance(mechanism, str) and mechanism == DEFAULT
 
 
-def _log(readings: object, mechanism: MechanismArg, skip: bool) -> Log | None:
+def _log(
+    readings: object, mechanism: MechanismArg, skip: bool, beside: CalibrationArg | None = None
+) -> Log | None:
     """The log of another program that a path leads to; None for readings."""
     if isinstance(readings, Log):
         return readings
@@ -162,6 +183,7 @@ def _log(readings: object, mechanism: MechanismArg, skip: bool) -> Log | None:
     log = import_log(readings, skip_bad_rows=skip)
     if log.mechanism is not None:
         return log
+    mechanism = mechanism_beside(mechanism, beside)
     try:
         return import_log(readings, mechanism=mechanism, skip_bad_rows=skip)
     except InputError as error:  # what was recorded is of another machine
@@ -213,6 +235,21 @@ def grouped(
     if not kept:
         raise InputError.at(source, "no row left", "some", column="group")
     return kept
+
+
+def names_in(
+    option: str, given: Sequence[str] | None, mechanism: Mechanism, *, none: bool = False
+) -> list[str] | None:
+    """Names of terms or closures of a mechanism as a list: see `options.names`."""
+
+    def known() -> list[str]:
+        if option == "closures":
+            return [closure["name"] for closure in mechanism.to_dict()["closure"]]
+        terms = [(term["id"], term["targets"]) for term in _core.terms(mechanism)]
+        targets = [f"{term}@{target}" for term, own in terms for target in (*own, "each")]
+        return [*(term for term, _ in terms), *targets]
+
+    return options.names(option, given, known, none=none)
 
 
 def noise_of_channels(

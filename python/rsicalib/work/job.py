@@ -24,6 +24,7 @@ from rsicalib.work.arguments import (
     earlier_result,
     grouped,
     load,
+    names_in,
     noise_of_channels,
     open_mechanism,
 )
@@ -52,7 +53,7 @@ class Work:
         about: Mapping[str, str | None],
         population: PopulationArg | None = None,
     ) -> None:
-        self.mechanism = open_mechanism(mechanism)
+        self.mechanism = open_mechanism(mechanism, calibration)
         self.population = (
             None if population is None else read_population(population, self.mechanism)
         )
@@ -86,9 +87,6 @@ class Work:
         known_poses: bool = False,
     ) -> None:
         """Load the sessions, and keep the groups that are asked for."""
-        keep = options.names("fit_groups", fit_groups)
-        leave = options.names("hold_out_groups", hold_out_groups)
-        self.selected = None if keep is None and leave is None else (keep, leave)
         single = isinstance(readings, str | os.PathLike | Readings) or in_memory(readings)
         if not single and not isinstance(readings, Iterable):
             expected = "a path, readings, a data frame, an array, or a list of them"
@@ -104,9 +102,16 @@ class Work:
                 )
                 self.warnings.append(Warned("unused_poses", None, text))
             self.whole.append(loaded)
+        keep = options.names("fit_groups", fit_groups, self._groups)
+        leave = options.names("hold_out_groups", hold_out_groups, self._groups)
+        self.selected = None if keep is None and leave is None else (keep, leave)
         self.readings = grouped(self.whole, keep, leave)
         if not self.readings:
             raise InputError("found no readings, expected at least one file")
+
+    def _groups(self) -> list[str]:
+        """Groups of all sessions."""
+        return sorted({group for one in self.whole for group in one.keys.get("group", ())})
 
     @property
     def count(self) -> int:
@@ -124,7 +129,7 @@ class Work:
         if terms is None and self.population is not None:
             return list(self.population["terms"])
         if terms is not None or self.earlier is None:
-            return options.names("terms", terms, none=self.has_unknown())
+            return names_in("terms", terms, self.mechanism, none=self.has_unknown())
         return _core.lasting(self.mechanism, [p.at for p in self.earlier.parameters])
 
     def noise(self, noise: float | Mapping[str, float] | None) -> list[float] | None:
@@ -219,6 +224,7 @@ class Work:
             "format": kind.FORMAT,
             "version": _core.__version__,
             "mechanism": self.mechanism.name,
+            "made_from": self.mechanism,
             "length_unit": self.mechanism.length_unit,
             **self.about,
             "readings": described(readings),
