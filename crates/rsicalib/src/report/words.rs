@@ -181,6 +181,16 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 loop_closes(*closes),
             )
         }
+        Suspicion::EitherReversed { channels, closes } => {
+            let names: Vec<&str> = channels.iter().map(|&c| name(c)).collect();
+            format!(
+                "{} reads the wrong way round, and the readings do not say which: with the gain of either reversed \
+                 {}, and one is the machine in a mirror; see which one counts against its joint, and reverse its gain \
+                 in the mechanism, or turn the sensor round (a potentiometer: exchange its outer wires)",
+                names.join(" or "),
+                loop_closes(*closes),
+            )
+        }
         Suspicion::Exchanged { channels: [a, b], closes, late } => {
             let follow = [a, b].iter().all(|c| mechanism.leader_of(**c).is_some());
             format!(
