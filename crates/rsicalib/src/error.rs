@@ -113,7 +113,8 @@ pub enum Error {
     },
     /// Fewer equations than parameters.
     #[error(
-        "{parameters} parameters cannot be found from {equations} equations ({poses} poses); {}", more(*equations)
+        "{parameters} parameters cannot be found from {equations} equations ({poses} poses{}); {}",
+        others(*poses, *different), more(*equations, *poses == *different)
     )]
     TooFew {
         /// Number of parameters.
@@ -122,6 +123,8 @@ pub enum Error {
         equations: usize,
         /// Number of poses.
         poses: usize,
+        /// Those of them that do not repeat the readings of another, digit by digit.
+        different: usize,
     },
     /// A mechanism without a section that the computation needs.
     #[error("mechanism {mechanism} has no {needs}; {why}")]
@@ -187,12 +190,22 @@ pub(crate) fn index_of<T>(
     })
 }
 
+/// How many poses differ, where some repeat others.
+fn others(poses: usize, different: usize) -> String {
+    match different {
+        _ if different == poses => String::new(),
+        1 => ", of which 1 is different".into(),
+        _ => format!(", of which {different} are different"),
+    }
+}
+
 /// What tells the parameters that so many equations do not.
-fn more(equations: usize) -> &'static str {
-    match equations {
-        0 => {
+fn more(equations: usize, differ: bool) -> &'static str {
+    match (equations, differ) {
+        (0, _) => {
             "a pose has as many unknowns as its closures have equations: read one more joint or length"
         }
-        _ => "record more poses",
+        (_, true) => "record more poses",
+        (_, false) => "record other poses",
     }
 }

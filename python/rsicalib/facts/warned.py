@@ -8,6 +8,7 @@ from rsicalib.facts.records import Record
 
 WarnedKind: TypeAlias = Literal[
     "reversed",
+    "either_reversed",
     "exchanged",
     "gap",
     "stuck",
@@ -49,7 +50,7 @@ KINDS: tuple[WarnedKind, ...] = get_args(WarnedKind)
 
 WIRING: frozenset[WarnedKind] = frozenset(
     (
-        *("reversed", "exchanged", "gap", "stuck", "no_start"),
+        *("reversed", "either_reversed", "exchanged", "gap", "stuck", "no_start"),
         *("constant", "stuck_bit", "clipped", "end_of_range"),
     )
 )

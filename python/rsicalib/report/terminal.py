@@ -91,8 +91,8 @@ def summary(result: ResultShape, *, width: int | None = None, whole: bool = Fals
         middle = [*_left_out(result, look), *middle]
     if whole:
         tail = _advice(result, None, look)
-        middle += ["", *_parameters(result, None, look)]
-        return "\n".join([*head, "", *middle, *([""] * bool(tail)), *tail])
+        parts = [head, middle, _parameters(result, None, look), tail]
+        return "\n\n".join("\n".join(part).removeprefix("\n") for part in parts if any(part))
     lines = look.lines(LINES)
     free = lines - len(head) - len(middle) - 2 if isinstance(result, TraceShape) else 0
     tail = _advice(result, max(free, look.lines(ADVICE)), look)

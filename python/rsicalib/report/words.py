@@ -213,7 +213,7 @@ def _lack(result: ResultShape) -> str:
             f"{number(v, 2)} {result.length_unit}" for v in (reason.found, reason.expected)
         )
         return f"{what} predicted to err by {size}, and by {drawn} without any readings"
-    lost = any(reason.kind == "unobservable" for reason in result.reasons)
+    lost = any(reason.kind in ("nothing_left", "unobservable") for reason in result.reasons)
     told = next(iter(result.unobservable), result.termination)
     return told if lost or not result.parameters else result.termination
 

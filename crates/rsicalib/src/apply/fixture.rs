@@ -61,7 +61,8 @@ pub fn fixture(
         values.push(value);
     }
     let poses = angles.len();
-    let few = Error::TooFew { parameters: 2 * channels, equations: poses * channels, poses };
+    let (parameters, equations) = (2 * channels, poses * channels);
+    let few = Error::TooFew { parameters, equations, poses, different: poses };
     let column = |c: usize| -> Option<Line> {
         let a: Vec<f64> = values.iter().map(|v| v[c]).collect();
         let theta: Vec<f64> = angles.iter().map(|q| q[c]).collect();

@@ -110,7 +110,7 @@ pub fn elsewhere(
     };
     // Seen at one placement alone: nothing says that another has a shape without a law, or effects
     // that leave something over or may stand for another.
-    let noise = matches!(residual, Residual::Noise { .. } | Residual::Unjudged);
+    let noise = matches!(residual, Residual::Noise { .. } | Residual::Unjudged { .. });
     let understood = noise && !found.iter().any(in_tie_with_surface);
     let may = |(effect, one): (&Instance, &Found)| match &again {
         Some((again, found)) => {

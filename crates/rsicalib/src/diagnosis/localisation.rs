@@ -22,7 +22,10 @@ pub enum Residual {
         nearest: Option<(Instance, f64)>,
     },
     /// Nothing but the fit gives the noise.
-    Unjudged,
+    Unjudged {
+        /// True where there are no more equations than parameters: no noise that is known would judge them.
+        nothing_left: bool,
+    },
     /// No more than noise, but the effects found may stand for another.
     Doubtful(Doubted),
     /// No more than noise, but a law that no term has explains it better than the effects found, or
@@ -90,7 +93,7 @@ pub fn residual(traced: &Traced, rises: &[f64]) -> Residual {
     }
     match p_value {
         Some(_) => Residual::Noise { nearest: nearest(traced) },
-        None => Residual::Unjudged,
+        None => Residual::Unjudged { nothing_left: traced.after.dof < 1.0 },
     }
 }
 

@@ -26,6 +26,7 @@ use crate::diagnosis::unknown_law::UnknownLaw;
 use crate::diagnosis::verdict::Determined;
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::directions::directions;
+use crate::estimate::miswired::DECISIVE;
 use crate::estimate::progress::Stage;
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::{Fit, Observations, fit, with_conventions, with_groups};
@@ -206,7 +207,8 @@ enum Scope {
 
 /// True where the readings are not of this mechanism as it is declared, and are with a mistake of the wiring
 /// or of a unit undone: that is said, and the search, which would take its longest, has nothing to add. Exchanged
-/// followers give no absurd values, but every effect that is found with them is false.
+/// followers give no absurd values, nor does a reversed sign everywhere, but every effect that is found with them is
+/// false. A sign that the fit reversed with its gain is no mistake of the fit.
 fn is_miswired(observations: &Observations, fit: &Fit) -> bool {
     let undone = |it: &Suspicion| it.of_wiring() && !it.is_no_start();
     let follower = |channel: &usize| observations.mechanism.leader_of(*channel).is_some();
@@ -214,8 +216,10 @@ fn is_miswired(observations: &Observations, fit: &Fit) -> bool {
         Suspicion::Exchanged { channels, .. } => channels.iter().all(follower),
         _ => false,
     };
+    let left = fit.chi2 / fit.dof;
+    let reversed = |it: &Suspicion| it.reversed().is_some_and(|it| left >= DECISIVE * it.with);
     let told = fit.warnings.iter().any(undone);
-    told && (fit.warnings.iter().any(exchanged_followers)
+    told && (fit.warnings.iter().any(|it| exchanged_followers(it) || reversed(it))
         || !absurdities(observations, fit, &[]).is_empty())
 }
 

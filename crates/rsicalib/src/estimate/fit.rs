@@ -67,6 +67,7 @@ pub fn fit(
             parameters: model.parameters,
             equations,
             poses: observations.readings.poses(),
+            different: observations.readings.poses() - observations.copies.len(),
         });
     }
     // Of what was asked for; a search looks at the gains that it finds.

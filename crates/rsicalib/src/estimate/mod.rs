@@ -20,7 +20,7 @@ mod implicit;
 pub(crate) mod intervals;
 pub(crate) mod lengths;
 mod mirrors;
-mod miswired;
+pub(crate) mod miswired;
 pub mod noise;
 mod note;
 mod objective;

@@ -11,6 +11,14 @@ pub enum Suspicion {
         /// How well the loop closes with it.
         closes: Closes,
     },
+    /// One of some channels reads the wrong way round. With one of them reversed, the machine is the image in a
+    /// mirror of what it is with another, and the loops of both close alike.
+    EitherReversed {
+        /// The channels.
+        channels: Vec<usize>,
+        /// How well the loop closes with one of them reversed.
+        closes: Closes,
+    },
     /// The readings of two channels are exchanged.
     Exchanged {
         /// The channels.
@@ -162,7 +170,16 @@ impl Suspicion {
     /// True where wires are exchanged: of two channels, or the outer ones of one.
     #[must_use]
     pub fn of_wires(&self) -> bool {
-        matches!(self, Self::Exchanged { .. } | Self::Reversed { .. })
+        matches!(self, Self::Exchanged { .. } | Self::Reversed { .. } | Self::EitherReversed { .. })
+    }
+
+    /// How well the loop closes with the sign of a channel reversed, where that is suspected.
+    #[must_use]
+    pub fn reversed(&self) -> Option<Closes> {
+        match self {
+            Self::Reversed { closes, .. } | Self::EitherReversed { closes, .. } => Some(*closes),
+            _ => None,
+        }
     }
 
     /// True where no start led to a fit in which every joint moves, and every frame is found.
@@ -194,6 +211,7 @@ impl Suspicion {
         matches!(
             self,
             Self::Reversed { .. }
+                | Self::EitherReversed { .. }
                 | Self::Exchanged { .. }
                 | Self::Gap { .. }
                 | Self::Stuck { .. }

@@ -660,11 +660,12 @@ impl Readings {
     /// Poses whose readings are those of an earlier pose, to the last digit of every sample.
     ///
     /// Even where nothing is noisy, they share the rounding, and say nothing new. In a
-    /// recording rows may stand still: there only a whole session is compared with another.
+    /// recording rows may stand still: there a whole session is compared with another, and rows where nothing else
+    /// tells them apart, and more than half of them are copies.
     #[must_use]
     pub fn copies(&self) -> Vec<usize> {
         if !self.held && self.sessions < 2 {
-            return Vec::new();
+            return self.repeated_rows();
         }
         let whole = if self.held { self.rows_of_poses() } else { self.rows_of_sessions() };
         let mut seen = std::collections::HashSet::new();
@@ -674,6 +675,25 @@ impl Readings {
         poses.sort_unstable();
         poses.dedup();
         poses
+    }
+
+    /// Rows of a recording that are an earlier row over again, where these are more than half of them and neither
+    /// time nor temperature says what changed between them.
+    fn repeated_rows(&self) -> Vec<usize> {
+        let Table { time, temperature, .. } = &self.table;
+        if time.is_some() || temperature.is_some() {
+            return Vec::new();
+        }
+        let mut seen = std::collections::HashSet::new();
+        let mut again = Vec::new();
+        for row in 0..self.samples {
+            if !seen.insert(self.content(&[row])) {
+                again.push(self.pose[row]);
+            } else if 2 * seen.len() >= self.samples {
+                return Vec::new();
+            }
+        }
+        again
     }
 
     /// Rows that are an earlier row of their held pose over again, to the last digit of all that was read.

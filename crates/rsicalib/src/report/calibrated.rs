@@ -134,10 +134,7 @@ pub fn of(
         predicted: estimates.beforehand(),
         ..Evidence::default()
     });
-    if fit.dof < 1.0 {
-        let poses = used.readings.poses();
-        estimates.unobservable.insert(0, words::nothing_left(fit.beta.len(), poses));
-    }
+    estimates.say_what_is_left(used, fit);
     Ok(CalibrationReport {
         verdict,
         reasons,

@@ -282,6 +282,14 @@ impl Estimates {
         let predicted = self.predicted?;
         Some([predicted.position_sd, predicted.beforehand?])
     }
+
+    /// Says first that nothing is left to check the parameters with, where that is so.
+    pub(crate) fn say_what_is_left(&mut self, observations: &Observations, fit: &Fit) {
+        if fit.dof < 1.0 {
+            let poses = observations.readings.poses() - observations.copies.len();
+            self.unobservable.insert(0, words::nothing_left(fit.beta.len(), poses));
+        }
+    }
 }
 
 /// A result on its way to other readings than its own.

@@ -277,7 +277,7 @@ impl Left {
     fn of(residual: &Residual) -> Self {
         match residual {
             Residual::Noise { .. } => Self::Noise,
-            Residual::Unjudged => Self::Unjudged,
+            Residual::Unjudged { .. } => Self::Unjudged,
             Residual::Doubtful(_) | Residual::UnknownLaw(_) => Self::Doubtful,
             Residual::Isolated { .. } | Residual::Follows(_) => Self::OneTarget,
             Residual::Louder { .. } => Self::DeclaredNoise,
@@ -411,7 +411,8 @@ pub fn traced(
         true => None,
         false => Some(self::directions(&traced.observations, &applied)),
     };
-    let estimates = estimates(&traced.observations, &applied, own.as_ref().unwrap_or(&directions));
+    let mut estimates =
+        estimates(&traced.observations, &applied, own.as_ref().unwrap_or(&directions));
     let sd = estimates.predicted.as_ref().map(|predicted| predicted.position_sd);
     let another = sd.and_then(|sd| Some((rivals::elsewhere(&traced.rivals, sd)?, sd)));
     let determined = directions.beside(&traced.observations, &found);
@@ -440,6 +441,7 @@ pub fn traced(
         groups_declared,
         groups_before,
     });
+    estimates.say_what_is_left(&traced.observations, &traced.after);
     let with_excluded = (!traced.excluded.is_empty()).then(|| WithExcluded {
         fit: before.clone(),
         parameters: result::parameters(observations, &traced.before),

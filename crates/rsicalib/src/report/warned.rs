@@ -72,6 +72,8 @@ impl<'de> serde::de::Visitor<'de> for Either {
 pub enum Kind {
     /// Channels read the wrong way round.
     Reversed,
+    /// One of these channels reads the wrong way round, and nothing says which.
+    EitherReversed,
     /// The readings of two channels are exchanged.
     Exchanged,
     /// The gap of a track lies within the range of motion.
@@ -250,6 +252,7 @@ fn of_suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> Warned {
     let channels = |of: &[usize]| joined(of.iter().map(channel).collect());
     let (kind, target) = match suspicion {
         Suspicion::Reversed { channels: of, .. } => (Kind::Reversed, channels(of)),
+        Suspicion::EitherReversed { channels: of, .. } => (Kind::EitherReversed, channels(of)),
         Suspicion::Exchanged { channels: of, .. } => (Kind::Exchanged, channels(of)),
         Suspicion::Unlike { channels: of, .. } => (Kind::Exchanged, channels(&of[0])),
         Suspicion::Gap { channel, .. } => (Kind::Gap, channels(&[*channel])),

@@ -181,6 +181,16 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 loop_closes(*closes),
             )
         }
+        Suspicion::EitherReversed { channels, closes } => {
+            let names: Vec<&str> = channels.iter().map(|&c| name(c)).collect();
+            format!(
+                "{} reads the wrong way round, and the readings do not say which: with the gain of either reversed \
+                 {}, and one is the machine in a mirror; see which one counts against its joint, and reverse its gain \
+                 in the mechanism, or turn the sensor round (a potentiometer: exchange its outer wires)",
+                names.join(" or "),
+                loop_closes(*closes),
+            )
+        }
         Suspicion::Exchanged { channels: [a, b], closes, late } => {
             let follow = [a, b].iter().all(|c| mechanism.leader_of(**c).is_some());
             format!(
@@ -234,7 +244,12 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
         }
         Suspicion::SameReadings { poses, of } => format!(
             "{poses} of {of} poses have the same readings as others, digit by digit: given twice, \
-             they count once"
+             they count once{}",
+            if 2 * poses > *of {
+                format!(", and {} differ; record other poses", of - poses)
+            } else {
+                String::new()
+            }
         ),
         Suspicion::Follow { closures } => {
             let names: Vec<&str> =
@@ -617,9 +632,14 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
             };
             (None, text)
         }
-        Residual::Unjudged => {
-            let text = "lack of fit cannot be judged: record each pose several times, or declare \
-                        the noise";
+        Residual::Unjudged { nothing_left } => {
+            let text = match nothing_left {
+                true => "nothing is left to check the parameters with: record other poses",
+                false => {
+                    "lack of fit cannot be judged: record each pose several times, or declare \
+                          the noise"
+                }
+            };
             (None, text.into())
         }
         Residual::Doubtful(doubted) => {
@@ -927,8 +947,8 @@ fn doubted(mechanism: &Mechanism, doubted: &Doubted) -> (String, String) {
 #[must_use]
 pub fn nothing_left(parameters: usize, poses: usize) -> String {
     format!(
-        "{parameters} parameters from {poses} poses leave nothing to check them with; record more \
-         poses"
+        "{parameters} parameters from {poses} different poses leave nothing to check them with; \
+         record other poses"
     )
 }
 

@@ -50,12 +50,19 @@ impl Again {
     }
 }
 
-/// The fit without a mistake that leaves least, by χ² per degree of freedom, where that is below a limit and by far
-/// less than any other leaves.
-pub(crate) fn decisive<T>(mut found: Vec<(f64, T)>, limit: f64) -> Option<(f64, T)> {
+/// The fits without a mistake that leave least, by χ² per degree of freedom: the least first, and those that do not
+/// leave by far more.
+pub(crate) fn likeliest<T>(mut found: Vec<(f64, T)>) -> Vec<(f64, T)> {
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let next = found.get(1).map_or(f64::INFINITY, |(next, _)| *next);
-    found.into_iter().next().filter(|(with, _)| *with < limit.min(next / DECISIVE))
+    let least = found.first().map_or(f64::INFINITY, |(least, _)| *least);
+    found.retain(|(left, _)| *left <= least * DECISIVE);
+    found
+}
+
+/// The fit without a mistake that leaves least, where that is below a limit and by far less than any other leaves.
+pub(crate) fn decisive<T>(found: Vec<(f64, T)>, limit: f64) -> Option<(f64, T)> {
+    let mut found = likeliest(found);
+    found.pop().filter(|(with, _)| found.is_empty() && *with < limit)
 }
 
 /// χ² per degree of freedom below which a loop closes with a mistake undone, where `left` is what it is as

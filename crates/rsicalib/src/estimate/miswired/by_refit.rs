@@ -6,7 +6,7 @@
 
 use crate::Error;
 use crate::estimate::enough::enough;
-use crate::estimate::miswired::again::{Again, DECISIVE, closing, decisive};
+use crate::estimate::miswired::again::{Again, DECISIVE, closing, likeliest};
 use crate::estimate::miswired::mistake::Mistake;
 use crate::estimate::miswired::rewired::{Rewired, stays};
 use crate::estimate::objective::Noise;
@@ -26,10 +26,11 @@ fn untried(observations: &Observations, model: &Model) -> Vec<Mistake> {
     every.filter(|mistake| !searched || !tried(mistake)).collect()
 }
 
-/// The only mistake with which the loop closes, and by far not as it is declared: `left` is χ² per degree
-/// of freedom by a `noise`, and `refit` a fit of other observations by these terms.
+/// The mistake with which the loop closes, and by far not as it is declared or with another: `left` is χ² per degree
+/// of freedom by a `noise`, and `refit` a fit of other observations by these terms. Of a machine that closes in a mirror,
+/// too, two reversals close the loop alike, and it is one of them.
 ///
-/// All are tried on a few poses, without what the way to a pose does; the likeliest is then held against the next
+/// All are tried on a few poses, without what the way to a pose does; the likeliest are then held against the next
 /// on all.
 pub(crate) fn miswired(
     observations: &Observations,
@@ -39,25 +40,29 @@ pub(crate) fn miswired(
     refit: impl Fn(&Observations, Vec<Instance>) -> Result<Again, Error>,
 ) -> Option<Suspicion> {
     let limit = closing(observations, left)?;
-    let likeliest = |of: &Observations, terms: &[Instance], mistakes: Vec<Mistake>| {
+    let tried = |of: &Observations, terms: &[Instance], mistakes: Vec<Mistake>| {
         let again = |mistake: Mistake| {
             let Rewired { readings, observations: of } = mistake.undone(of, &of.readings)?;
             let refit = |of: &Observations| refit(of, terms.to_vec());
             let again = Again::of(&of, (&of.mechanism, readings.table), noise, &refit)?;
             Some((again.left, mistake))
         };
-        let mut found: Vec<_> = mistakes.into_iter().filter_map(again).collect();
-        found.sort_by(|a, b| a.0.total_cmp(&b.0));
-        found
+        mistakes.into_iter().filter_map(again).collect::<Vec<_>>()
     };
     let mut mistakes = untried(observations, model);
     if let Some((few, terms)) = enough(observations, model) {
-        let rough = likeliest(&few, &terms, mistakes);
-        mistakes = rough.into_iter().take(2).map(|(_, mistake)| mistake).collect();
+        let mut rough = tried(&few, &terms, mistakes);
+        rough.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let and_the_next = likeliest(rough.clone()).len() + 1;
+        mistakes = rough.into_iter().take(and_the_next).map(|(_, mistake)| mistake).collect();
     }
-    let found = likeliest(observations, &model.instances, mistakes);
-    let (with, mistake) = decisive(found, limit)?;
-    Some(mistake.suspicion(Closes { with, declared: left }))
+    let found = likeliest(tried(observations, &model.instances, mistakes));
+    let with = found.first()?.0;
+    if found.iter().any(|(left, _)| *left >= limit) {
+        return None;
+    }
+    let mistakes: Vec<Mistake> = found.into_iter().map(|(_, mistake)| mistake).collect();
+    Mistake::either(&mistakes, Closes { with, declared: left })
 }
 
 /// Readings or offsets in the other unit, where the loop closes with it and by far not as declared:

@@ -4,12 +4,15 @@
 //! No start leads to a good fit then. Each mistake is tried in turn: where the loop
 //! closes with it and with no other, it is named.
 
+use std::cmp::Ordering;
+
 use crate::estimate::miswired::again::DECISIVE;
 use crate::estimate::miswired::mistake::Mistake;
 use crate::estimate::miswired::rewired::{Rewired, stays};
 use crate::estimate::search::{End, StartSearch, anchored, ratios};
 use crate::estimate::suspicion::{Closes, Shown, Suspicion};
 use crate::readings::Table;
+use crate::terms::term::Role;
 
 /// A suspicion, and the fit that takes the mistake into account where that needs no other
 /// readings.
@@ -42,13 +45,11 @@ pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspected> {
         }
     };
     let channels = search.model.scales.len();
-    let mut turned: Vec<End> = (0..channels).map(|c| reversed(search, |i| i == c)).collect();
-    turned.push(reversed(search, |_| true));
-    for end in turned {
-        // A start may find another channel than the one that it reversed.
-        let ratios = ratios(search.model, &end.beta).enumerate();
-        let wrong: Vec<usize> = ratios.filter(|(_, ratio)| *ratio < 0.0).map(|(c, _)| c).collect();
-        consider(end, true, &|closes| Suspicion::Reversed { channels: wrong.clone(), closes });
+    if let Some(Turned { end, mistakes, channels }) = Turned::of(search, limit) {
+        consider(end, true, &|closes| {
+            let either = Mistake::either(&mistakes, closes);
+            either.unwrap_or_else(|| Suspicion::Reversed { channels: channels.clone(), closes })
+        });
     }
     let of = search.observations;
     let units = Mistake::units(of).chain(Mistake::offsets(of));
@@ -72,6 +73,76 @@ pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspected> {
 /// The best of a few ends.
 fn best_of(ends: impl Iterator<Item = End>) -> Option<End> {
     ends.min_by(|a, b| a.score.total_cmp(&b.score))
+}
+
+/// What is left of two images in a mirror differs by less than this factor: a search ends at 1e-8 of both.
+const IMAGE: f64 = 1.1;
+
+/// The best fit in which gains have the other sign.
+struct Turned {
+    end: End,
+    /// The channels of these gains.
+    channels: Vec<usize>,
+    /// Reversals of one channel each that close the loop as well, this one among them.
+    mistakes: Vec<Mistake>,
+}
+
+impl Turned {
+    /// The best of all, and of images in a mirror one with the fewest channels: of two in a loop whose joints turn
+    /// about parallel axes, either is reversed; of three one is, or the two others are.
+    fn of(search: &StartSearch<'_>, limit: f64) -> Option<Self> {
+        let channels = search.model.scales.len();
+        let mut ends: Vec<End> = (0..channels).map(|c| reversed(search, |i| i == c)).collect();
+        ends.push(reversed(search, |_| true));
+        let turned = |end: End| {
+            // A start may find another channel than the one that it reversed.
+            let ratios = ratios(search.model, &end.beta).enumerate();
+            let wrong: Vec<usize> =
+                ratios.filter(|(_, ratio)| *ratio < 0.0).map(|(c, _)| c).collect();
+            (end, wrong)
+        };
+        let mut ends: Vec<(End, Vec<usize>)> = ends.into_iter().map(turned).collect();
+        ends.retain(|(end, wrong)| !wrong.is_empty() && end.score.is_finite());
+        let best = ends.iter().min_by(|(a, _), (b, _)| a.score.total_cmp(&b.score));
+        if let Some((End { beta, score, .. }, wrong)) = best
+            && let ([one], true) = (&wrong[..], *score < limit)
+        {
+            // From a reversed gain with an offset far off, a search may not find the way.
+            let others = (0..channels).filter(|other| other != one);
+            let image = |other| (turned(image(search, beta, [*one, other])), other);
+            let images: Vec<_> = others.map(image).collect();
+            let alone = images.into_iter().filter(|((_, wrong), other)| wrong[..] == [*other]);
+            ends.extend(alone.map(|(found, _)| found));
+        }
+        let least = ends.iter().map(|(end, _)| end.score).fold(f64::INFINITY, f64::min);
+        ends.retain(|(end, _)| end.score <= IMAGE * least);
+        ends.sort_by(|(a, of), (b, other)| {
+            (of.len(), a.score).partial_cmp(&(other.len(), b.score)).unwrap_or(Ordering::Equal)
+        });
+        let mut alone: Vec<usize> =
+            ends.iter().filter(|(_, wrong)| wrong.len() == 1).map(|(_, wrong)| wrong[0]).collect();
+        alone.sort_unstable();
+        alone.dedup();
+        let mistakes = alone.into_iter().map(Mistake::Reversed).collect();
+        let (end, channels) = ends.into_iter().next()?;
+        Some(Self { end, channels, mistakes })
+    }
+}
+
+/// The fit from the image in a mirror that turns two joints the other way: their gains and angles have the other sign.
+fn image(search: &StartSearch<'_>, beta: &[f64], of: [usize; 2]) -> End {
+    let model = search.model;
+    let mut start = beta.to_vec();
+    for c in of {
+        let scale = &model.scales[c];
+        if let Some(column) = model.column(Role::Gain, c) {
+            start[column] = -2.0 * scale.gain - beta[column];
+        }
+        if let Some(column) = model.column(Role::Offset, c) {
+            start[column] = -2.0 * scale.angle - beta[column];
+        }
+    }
+    search.end_with(&search.readings, &search.weights, &start)
 }
 
 /// The fit from gains of the other sign at some channels.

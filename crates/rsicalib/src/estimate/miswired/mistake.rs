@@ -94,6 +94,18 @@ impl Mistake {
         others.into_iter().chain([2.0, 0.5].into_iter().filter_map(scaled))
     }
 
+    /// What is said where one of some was made, each of which closes the loop as well: of one what is said of it, of
+    /// reversals that it is one of them, and nothing of others.
+    pub(super) fn either(of: &[Self], closes: Closes) -> Option<Suspicion> {
+        if let [one] = of {
+            return Some(one.suspicion(closes));
+        }
+        let reversed = |it: &Self| if let Self::Reversed(c) = it { Some(*c) } else { None };
+        let mut channels = of.iter().map(reversed).collect::<Option<Vec<usize>>>()?;
+        channels.sort_unstable();
+        (!channels.is_empty()).then_some(Suspicion::EitherReversed { channels, closes })
+    }
+
     /// What is said of it.
     pub(super) fn suspicion(&self, closes: Closes) -> Suspicion {
         let degrees = |channels: &Vec<usize>, what, times| Suspicion::Degrees {
