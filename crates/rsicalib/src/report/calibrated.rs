@@ -13,7 +13,6 @@ use crate::report::result::{
     self, Estimates, ExcludedReport, FitReport, WithExcluded, estimates, excluded,
 };
 use crate::report::warned::{self, Warned};
-use crate::report::words;
 
 /// The result of a calibration.
 #[derive(Debug, Clone, PartialEq)]
