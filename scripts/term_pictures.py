@@ -252,6 +252,8 @@ def _effect(
     large = 0.25 * share
     if name == "link_growth":  # at one temperature it is a length
         name, parameter = "link_length", "a"
+    if name == "link_side":  # rows of this arm have it as their length
+        return [(("link_frame", f"to{k}/2", None), "y", large) for k in (2, 3)]
     if name in ("link_length", "link_offset", "joint_tilt", "link_frame"):
         sizes = {parameter: large}
         if name == "joint_tilt":

@@ -1,7 +1,7 @@
 //! Mechanisms as data: what is refused, and the text they are written as.
 
 use rsicalib::Error;
-use rsicalib::mechanism::{ClosureKind, Mechanism, Motion, Point, Rest, Row, Target, Value};
+use rsicalib::mechanism::{Chain, ClosureKind, Mechanism, Motion, Point, Rest, Row, Target, Value};
 
 /// The refusal of the hand controller with one thing changed.
 fn refusal(change: impl FnOnce(&mut Mechanism)) -> [String; 3] {
@@ -384,4 +384,37 @@ fn a_link_of_a_urdf_has_axes_along_and_across_it() {
     assert!(close(along, Vector3::z()) && close(across, Vector3::y()));
     let [along, across] = axes(&Row { a: 0.2, d: 0.1, ..Row::default() });
     assert!(close(along, Vector3::x()) && close(across, Vector3::z()));
+}
+
+#[test]
+fn a_link_of_a_urdf_has_a_side_where_two_axes_meet() {
+    use nalgebra::Vector3;
+    use std::f64::consts::FRAC_PI_2;
+    let joint = |row: Row| Row { channel: Some("q".into()), ..row };
+    let side = |row: Row| {
+        let rows = vec![joint(row), joint(Row::default())];
+        Chain { name: "arm".into(), rows }.side(0).map(|axes| axes * Vector3::x())
+    };
+    let urdf = |xyz: [f64; 3], rpy: [f64; 3]| side(Row { xyz, rpy, ..Row::default() });
+    let along = |way: Option<Vector3<f64>>, axis: Vector3<f64>| {
+        way.is_some_and(|way| way.cross(&axis).norm() < 1e-12)
+    };
+    let quarter = [0.0, FRAC_PI_2, 0.0];
+    // Along its own axis, along the next one, and without a length.
+    for xyz in [[0.0, 0.0, 0.4], [0.4, 0.0, 0.0], [0.0; 3]] {
+        assert!(along(urdf(xyz, quarter), Vector3::y()), "{xyz:?}");
+    }
+    // One line of two axes may come apart both ways.
+    assert!(along(urdf([0.0, 0.0, 0.4], [0.0, 0.0, 0.1]), Vector3::y()));
+    // The length or the offset does it already.
+    assert_eq!(urdf([0.0, -0.6, 0.0], [0.0; 3]), None);
+    assert_eq!(urdf([0.0, 0.4, 0.0], quarter), None);
+    assert_eq!(urdf([0.0, 0.3, 0.1], [0.0; 3]), None);
+    for a in [0.0, 0.2] {
+        assert_eq!(side(Row { a, d: 0.1, ..Row::default() }), None);
+        assert_eq!(side(Row { a, d: 0.1, alpha: 0.7, ..Row::default() }), None);
+    }
+    // No joint follows.
+    let row = joint(Row { xyz: [0.0, 0.0, 0.4], rpy: quarter, ..Row::default() });
+    assert!(Chain { name: "arm".into(), rows: vec![row] }.side(0).is_none());
 }

@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! Rz(theta) · joint(q) · Tz(d) Tx(a) Rx(alpha) · T(xyz) R(rpy)
-//!                      ^ Spot::Joint, Spot::Link  ^ Spot::End, between translation and rotation
+//!                      ^ Spot::Joint, Link, Side  ^ Spot::End, between translation and rotation
 //! ```
 //!
 //! so that a row with the motions in it is again a row, and no point moves by more than rounding.
@@ -322,10 +322,15 @@ impl Motions<'_> {
     fn into_chain(self, chain: &mut Chain) -> bool {
         let still = Isometry3::identity();
         let root = chain.rows.iter().position(|row| row.channel.is_some());
+        let sides: Vec<_> = (0..chain.rows.len()).map(|r| chain.side(r)).collect();
         for (r, row) in chain.rows.iter_mut().enumerate() {
-            let axes = Isometry3::from_parts(Translation3::identity(), row.link());
-            let link = axes * self.at(Spot::Link, Some(r)) * axes.inverse();
-            let slide = self.at(Spot::Joint, Some(r)) * link;
+            let of_body = |spot, axes| {
+                let axes = Isometry3::from_parts(Translation3::identity(), axes);
+                axes * self.at(spot, Some(r)) * axes.inverse()
+            };
+            let link = of_body(Spot::Link, row.link());
+            let side = sides[r].map_or(still, |axes| of_body(Spot::Side, axes));
+            let slide = self.at(Spot::Joint, Some(r)) * link * side;
             *row = with_motions(row, &slide, &self.at(Spot::End, Some(r)));
         }
         let before = self.at(Spot::Base, None);

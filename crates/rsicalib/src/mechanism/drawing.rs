@@ -395,6 +395,51 @@ pub struct Chain {
     pub rows: Vec<Row>,
 }
 
+impl Chain {
+    /// Axes in the frame after the joint of a row, x along the common normal of the axes of this
+    /// joint and of the next: the way that a Denavit-Hartenberg length has.
+    ///
+    /// `None` where length and offset of the link, [`Row::link`], already move it so: in rows of
+    /// Denavit and Hartenberg, where no joint follows, and where the normal is nearer to the plane of
+    /// these two than to the way across it.
+    #[must_use]
+    pub fn side(&self, row: usize) -> Option<UnitQuaternion<f64>> {
+        let own = &self.rows[row];
+        if own.channel.is_none() || (own.xyz == [0.0; 3] && own.rpy == [0.0; 3]) {
+            return None;
+        }
+        let next = self.to_next_joint(row)?;
+        let (axis, other) = (Vector3::z(), next.rotation * Vector3::z());
+        let across = |way: Vector3<f64>| way - axis * axis.dot(&way);
+        let [along, beside, up] =
+            [Vector3::x(), Vector3::y(), Vector3::z()].map(|own_axis| own.link() * own_axis);
+        // Parallel axes are apart by what of the link is across them. Axes that are one line may come
+        // apart in any direction.
+        let way = next.translation.vector;
+        let apart = across(way.try_normalize(0.0).unwrap_or_default());
+        let candidates = [axis.cross(&other), apart, beside];
+        let normal = candidates.into_iter().find(|n| n.norm() > PARALLEL)?.normalize();
+        let covered = along.dot(&normal).powi(2) + up.dot(&normal).powi(2);
+        let turn = || {
+            UnitQuaternion::rotation_between(&Vector3::x(), &normal)
+                .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), PI))
+        };
+        (covered < 0.5).then(turn)
+    }
+
+    /// From the frame after the joint of a row to the next row with a joint; `None` where none follows.
+    fn to_next_joint(&self, row: usize) -> Option<Isometry3<f64>> {
+        let mut way = self.rows[row].body();
+        for next in &self.rows[row + 1..] {
+            if next.channel.is_some() {
+                return Some(way);
+            }
+            way *= Isometry3::rotation(Vector3::z() * next.theta) * next.body();
+        }
+        None
+    }
+}
+
 /// A point on a chain, fixed in the base, or unknown but constant.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

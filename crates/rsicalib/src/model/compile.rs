@@ -339,7 +339,12 @@ impl Model {
                     steps.push(Element::Mass(Weight::Links, row.com, mass));
                 }
                 self.free(&mut steps, Spot::Joint, c, Some(r));
-                for (spot, axes) in [(Spot::Link, Some(row.link())), (Spot::Along, row.along())] {
+                let of_body = [
+                    (Spot::Link, Some(row.link())),
+                    (Spot::Side, chain.side(r)),
+                    (Spot::Along, row.along()),
+                ];
+                for (spot, axes) in of_body {
                     let mut of_link = Vec::new();
                     self.free(&mut of_link, spot, c, Some(r));
                     let Some(axes) = axes.filter(|_| !of_link.is_empty()) else { continue };

@@ -129,6 +129,7 @@ mod link_frame;
 mod link_growth;
 mod link_length;
 mod link_offset;
+mod link_side;
 mod n_per_turn;
 mod offset;
 mod once_per_turn;
@@ -176,6 +177,7 @@ registry! {
     link_length::LinkLength,
     link_growth::LinkGrowth,
     link_offset::LinkOffset,
+    link_side::LinkSide,
     joint_tilt::JointTilt,
     link_frame::LinkFrame,
     ratio::Ratio,

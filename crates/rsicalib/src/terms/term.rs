@@ -305,6 +305,10 @@ pub enum Spot {
     ///
     /// [`Row::link`]: crate::mechanism::Row::link
     Link,
+    /// There, too, x along the common normal of two joint axes: [`Chain::side`].
+    ///
+    /// [`Chain::side`]: crate::mechanism::Chain::side
+    Side,
     /// There, too, x leading to the next joint: [`Row::along`].
     ///
     /// [`Row::along`]: crate::mechanism::Row::along
