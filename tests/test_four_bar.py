@@ -1,4 +1,4 @@
-"""A four-bar whose crank goes round: at even steps, in a steady motion, and a row that was written twice.
+"""A four-bar whose crank goes round: at even steps, steadily, and with a row written twice.
 
 Witness: the rocker by two circles, in closed form; the crank's reading and its noise are drawn.
 """
@@ -61,7 +61,7 @@ def taken_again(q: Array) -> dict[str, Array]:
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_row_that_was_written_twice_makes_no_codes_of_even_steps(seed: int) -> None:
-    """The steps of the crank were taken for those of its encoder, and all was within their rounding."""
+    """Steps of the crank passed for those of its encoder: all was within their rounding."""
     turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     (step,) = rsicalib.trace(taken_again(readings(turn, seed, ROD + 5.0)), mechanism()).steps
     assert step.spec == "distance@rod"
@@ -79,7 +79,7 @@ def test_a_drive_that_stands_at_even_steps_has_no_codes() -> None:
 
 @pytest.mark.parametrize("turns", [1.0, 64.0])
 def test_a_sound_recording_of_a_steady_crank_has_no_delay(turns: float) -> None:
-    """A delay makes of a stretch of rows a smoother one: without (164) of stretches each such recording had one."""
+    """A delay smooths the mean of a stretch: with (164) of single rows each recording had one."""
     rows = 20_000
     q = readings(np.linspace(0, 2 * np.pi * turns, rows, endpoint=False), 0)
     session = {"crank": q[:, 0], "rocker": q[:, 1], "time_s": np.arange(rows) / 500.0}

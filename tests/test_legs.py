@@ -143,8 +143,10 @@ def test_what_is_wrong_with_a_leg_is_named(seed: int, built: Built, name: tuple[
 
 @pytest.mark.parametrize("seed", range(sized(3, 12)))
 def test_rounding_of_readings_decides_nothing(seed: int) -> None:
-    """Six distances of four feet nearly repeat each other; a projection by the Gram matrix of another
-    linearisation named another term in half of these."""
+    """Six distances of four feet nearly repeat each other.
+
+    A projection by the Gram matrix of another linearisation named another term in half of these.
+    """
     readings, mechanism = session(3, Built(longer=("rl", 0.002)))
     part = 1e-15 * np.random.default_rng(seed).standard_normal(readings.shape)
     first, other = (
