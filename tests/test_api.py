@@ -204,7 +204,7 @@ def test_poses_that_leave_nothing_to_check_the_parameters_with_determine_nothing
     whole = rsicalib.load_readings(READINGS)
     found = rsicalib.calibrate(whole.select(whole.pose <= poses), rest=REST)
     assert found.verdict == "undetermined"
-    assert "record more poses" in found.unobservable[0]
+    assert "record other poses" in found.unobservable[0]
 
 
 def test_sessions_of_one_device_are_fitted_together() -> None:

@@ -138,7 +138,7 @@ def test_too_few_poses_are_undetermined(sessions: list[Any]) -> None:
     few = {name: cells[:9] for name, cells in rows_of("few", sessions[0]).items()}
     found = calibrate_devices(stacked(few, rows_of("d", sessions[1])))
     assert found["verdict"].tolist() == ["undetermined", "adequate"]
-    assert "record more poses" in found["message"][0]
+    assert "record other poses" in found["message"][0]
 
 
 def test_a_table_without_a_needed_column_is_refused_as_a_whole(frame: dict[str, Any]) -> None:

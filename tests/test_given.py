@@ -83,8 +83,8 @@ def test_a_result_that_is_text_or_a_dictionary_is_refused_in_a_line() -> None:
         assert len(str(caught.value)) < 200
     with pytest.raises(InputTypeError, match="folder: found a value of type list"):
         rsicalib.history([found])  # type: ignore[arg-type]
-    with pytest.raises(InputTypeError, match="readings: found a value of type ndarray"):
-        rsicalib.watch(np.zeros((0, 9)), found)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="found no readings"):
+        rsicalib.watch(np.zeros((0, 9)), found)
 
 
 def test_names_in_one_text_are_shown_as_the_list_that_is_meant() -> None:

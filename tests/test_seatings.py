@@ -302,13 +302,3 @@ def test_a_table_that_nobody_declares_the_noise_of_judges_nothing() -> None:
         assert (found.verdict, found.excluded) == ("unjudged", ())
     got, own = offsets(rsicalib.calibrate(taken.table, Mechanism.from_toml(text)))
     assert np.all(np.abs(got - cone.OFFSETS[1:]) < 4.5 * own)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_noise_that_nobody_declares_is_no_declared_one(seed: int) -> None:
-    """Play is declared, and encoders are noisier than is presumed: only the fit tells."""
-    taken = cone.session(60 + seed, samples=1, sigma=2e-4)
-    result = rsicalib.trace(taken.table, mechanism(None, PLAY))
-    assert result.noise is not None
-    assert result.noise.kind == "fit"
-    assert result.verdict == "unjudged"

@@ -66,6 +66,7 @@ ERRORS = {
     "the elbow is tilted aside": (3, "turn", Y, "joint_tilt/3", "joint_tilt/3"),
     "the fifth joint is tilted": (5, "turn", Y, "joint_tilt/5", "joint_tilt/5"),
 }
+PASSES = [error for error in ERRORS if "passes" in error]
 
 
 def turned(axis: Array, angle: Array) -> Array:
@@ -205,7 +206,7 @@ def test_the_two_notations_draw_one_arm() -> None:
 
 
 @pytest.mark.parametrize("notation", ["urdf", "dh"])
-@pytest.mark.parametrize("error", ERRORS)
+@pytest.mark.parametrize("error", sized(PASSES, list(ERRORS)))
 def test_an_error_is_named_in_both_notations(
     arms: dict[str, Any], error: str, notation: str
 ) -> None:
@@ -220,7 +221,7 @@ def test_an_error_is_named_in_both_notations(
 
 @pytest.mark.parametrize("notation", ["urdf", "dh"])
 def test_a_sound_arm_is_adequate(arms: dict[str, Any], notation: str) -> None:
-    seeds = range(sized(3, 20))
+    seeds = range(sized(2, 20))
     found = [rsicalib.trace(session(arms[notation], None, k), arms[notation]) for k in seeds]
     assert [f.verdict for f in found].count("adequate") >= len(seeds) - 1
 

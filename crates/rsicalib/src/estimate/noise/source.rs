@@ -468,6 +468,9 @@ pub(crate) fn estimate_noise(
         // Readings that stand still in every pose: what is left of noise is the play.
         return scaled(least, Source::Declared, f64::INFINITY);
     }
+    if plays(observations) && residuals.readings_share < LARGER_PART {
+        return scaled(1.0, Source::Declared, f64::INFINITY);
+    }
     let k = residuals.equations;
     let live: Vec<usize> =
         (0..observations.readings.samples).filter(|&r| observations.weights[r] > 0.0).collect();
@@ -475,11 +478,6 @@ pub(crate) fn estimate_noise(
         live.iter().flat_map(|r| &residuals.whitened[r * k..(r + 1) * k]).map(|r| r * r).sum();
     let told: usize = live.iter().map(|&row| residuals.directions_of(row)).sum();
     let free = (told as f64 - parameters as f64).max(1.0);
-    // Beside it readings that nobody spoke of may have any noise: where more is left, only the fit tells it.
-    let enough = || misdeclared(total / free, free).is_none_or(|factor| factor < 1.0);
-    if plays(observations) && residuals.readings_share < LARGER_PART && enough() {
-        return scaled(1.0, Source::Declared, f64::INFINITY);
-    }
     let variance = variance_of_readings(residuals, total / free, free);
     let s = variance.sqrt().max(rounding).max(f64::MIN_POSITIVE);
     let repeats = dof + observations.doubled.len() as f64;
