@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import fsolve, least_squares
 
-from rsicalib import calibrate, trace
+from rsicalib import Mechanism, calibrate, trace
 from rsicalib.errors import InputError
 from tests.full import sized
 from tests.machines import files, statics
@@ -230,3 +230,12 @@ def test_clean_machines_are_adequate_and_effects_are_among_the_named(name: str) 
     assert sum(r.get("verdict") == "adequate" for r in clean) >= right, clean
     spoiled = [run(name, "effect", k, SEED) for k in range(cases)]
     assert sum(bool(r.get("among")) for r in spoiled) >= right, spoiled
+
+
+def test_a_machine_without_chains_may_say_where_down_is(tmp_path: Path) -> None:
+    """No channel moves a joint that could hang: a trace ended in a panic."""
+    case = make("belts", "clean", 0, 8831)
+    csv, mechanism = files.write(case.machine, case.read, tmp_path)
+    text = mechanism.read_text(encoding="utf-8")
+    declared = Mechanism.from_toml(f"gravity = [0.0, -1.0, 0.0]\n{text}")
+    assert trace(csv, declared).verdict == trace(csv, mechanism).verdict

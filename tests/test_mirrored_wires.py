@@ -8,62 +8,19 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.optimize import least_squares
 
 import rsicalib
+from tests import crank
+from tests.crank import NOISE, ROD, encoder, four_bar
 from tests.full import sized
-
-Array = npt.NDArray[np.float64]
-
-CRANK, ROCKER, ROD, POST = 100.0, 200.0, 250.0, 300.0
-"""Of a four-bar [mm]."""
-NOISE = 1e-4
-"""Of an encoder [rad]."""
-
-
-def encoder(name: str) -> dict[str, Any]:
-    return {"name": name, "unit": "rad", "gain": 1.0, "offset": 0.0, "noise": NOISE}
-
-
-def four_bar(*terms: str, rod: float = ROD) -> rsicalib.Mechanism:
-    right = [{"a": POST}, {"channel": "rocker", "a": ROCKER}]
-    values: dict[str, Any] = {
-        "name": "four-bar",
-        "length_unit": "mm",
-        "channel": [encoder("crank"), encoder("rocker")],
-        "chain": [
-            {"name": "left", "dh": [{"channel": "crank", "a": CRANK}]},
-            {"name": "right", "dh": right},
-        ],
-        "point": [
-            {"name": "end of crank", "chain": "left", "at": [0, 0, 0]},
-            {"name": "end of rocker", "chain": "right", "at": [0, 0, 0]},
-        ],
-        "closure": [
-            {
-                "name": "rod",
-                "kind": "distance",
-                "between": ["end of crank", "end of rocker"],
-                "value": rod,
-            }
-        ],
-        "model": {"terms": list(terms)},
-    }
-    return rsicalib.Mechanism.from_dict(values)
+from tests.oracle import Array
 
 
 def of_four_bar(seed: int, rows: int = 60) -> Array:
-    """Readings over one turn of the crank, by the law of cosines."""
-    rng = np.random.default_rng(seed)
-    crank = np.linspace(0, 2 * np.pi, rows, endpoint=False)
-    along, up = POST - CRANK * np.cos(crank), CRANK * np.sin(crank)
-    apart = np.hypot(along, up)
-    bent = np.arccos((apart**2 + ROCKER**2 - ROD**2) / (2 * ROCKER * apart))
-    rocker = np.pi - np.arctan2(up, along) - bent
-    read: Array = np.column_stack([crank - 0.05, rocker + 0.03])
-    return read + NOISE * rng.standard_normal(read.shape)
+    """Readings over one turn of the crank."""
+    return crank.read(crank.turn(rows), seed)
 
 
 def of_wires(found: rsicalib.Calibration | rsicalib.Trace) -> list[tuple[str, str | None]]:

@@ -8,13 +8,10 @@ import numpy as np
 import pytest
 
 import rsicalib
-from tests.test_mirrored_wires import Array, four_bar, of_four_bar
+from tests import crank
+from tests.crank import four_bar
 
 both = pytest.mark.parametrize("verb", [rsicalib.calibrate, rsicalib.trace])
-
-
-def columns(read: Array) -> dict[str, Array]:
-    return {"crank": read[:, 0], "rocker": read[:, 1]}
 
 
 @both
@@ -22,8 +19,8 @@ def columns(read: Array) -> dict[str, Array]:
 def test_two_postures_ten_times_each_leave_nothing_to_check_two_offsets_with(
     held: bool, verb: Any
 ) -> None:
-    read = np.repeat(of_four_bar(0)[[3, 20]], 10, axis=0)
-    given: dict[str, Any] = columns(read)
+    read = np.repeat(crank.read(crank.turn())[[3, 20]], 10, axis=0)
+    given: dict[str, Any] = crank.by_channel(read)
     if held:
         given["pose"] = np.arange(1, 21)
     found = verb(given, four_bar("offset"))
@@ -37,8 +34,8 @@ def test_two_postures_ten_times_each_leave_nothing_to_check_two_offsets_with(
 
 @both
 def test_one_posture_twenty_times_is_one(verb: Any) -> None:
-    read = np.repeat(of_four_bar(0)[:1], 20, axis=0)
-    found = verb(columns(read), four_bar("offset"))
+    read = np.repeat(crank.read(crank.turn())[:1], 20, axis=0)
+    found = verb(crank.by_channel(read), four_bar("offset"))
     assert found.verdict == "undetermined"
     text = found.summary(whole=True)
     assert "20 poses, of which 1 is different" in " ".join(text.split())
@@ -49,7 +46,7 @@ def test_one_posture_twenty_times_is_one(verb: Any) -> None:
 @both
 def test_a_few_rows_that_come_again_change_nothing_that_is_said_of_rows(verb: Any) -> None:
     """A recording may stand still for a while."""
-    read = of_four_bar(0)
+    read = crank.read(crank.turn())
     read[20:23] = read[20]
-    found = verb(columns(read), four_bar("offset"))
+    found = verb(crank.by_channel(read), four_bar("offset"))
     assert "same_readings" not in {w.kind for w in found.warnings}

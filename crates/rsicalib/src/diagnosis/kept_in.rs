@@ -7,6 +7,7 @@
 
 use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::price::{Family, charge, of_places, prior};
+use crate::diagnosis::score::places::wrong_readings;
 use crate::diagnosis::trace::Pursued;
 use crate::model::Instance;
 use crate::screening::excluded::{Cause, Excluded};
@@ -37,12 +38,12 @@ impl Pursued<'_> {
 
     /// What the poses cost that are left out: that each is wrong, by as much as all of them leave in the mean.
     fn paid_for_left_out(&self, whole: &Self) -> f64 {
-        let readings = &whole.searched.averaged.small.readings;
+        let small = &whole.searched.averaged.small;
         let equations = self.clean.residuals.equations;
-        let kinds = if equations == 1 { 1 } else { readings.channels + 1 };
         let poses = self.left_out().count() as f64;
         let each = (whole.clean.cost() - self.clean.cost()).max(0.0) / poses;
-        let places = (readings.samples * kinds) as f64 / prior(Family::Bad);
+        let rows = small.readings.samples;
+        let places = wrong_readings(small, equations, rows) / prior(Family::Bad);
         poses * (charge(equations as f64, each) + of_places(places))
     }
 }

@@ -13,7 +13,7 @@ use crate::estimate::objective::Noise;
 use crate::estimate::residuals::Residuals;
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::Try;
-use crate::model::{Model, Prior};
+use crate::model::{Model, Prior, add_squares};
 use crate::numerics::lanes::Lanes;
 use crate::numerics::lm::Termination;
 use crate::numerics::symmetric::invert;
@@ -178,10 +178,7 @@ impl Fit {
     /// `Xᵀ S⁻¹ X` with the priors, without what it seems to tell of conventions.
     pub(crate) fn told_of(&self, mut gram: Mat<f64>) -> Mat<f64> {
         for prior in &self.priors {
-            let slopes = prior.slopes(&self.beta);
-            for (i, slope) in &slopes {
-                slopes.iter().for_each(|(j, other)| gram[(*i, *j)] += slope * other);
-            }
+            add_squares(&mut gram, &prior.slopes(&self.beta));
         }
         self.conventions.out_of(gram)
     }

@@ -17,7 +17,7 @@
 //! weight cancel. The minimum is the full Gauss-Helmert estimate. `L⁻¹ X` is the Jacobian that
 //! [`crate::numerics::lm`] uses.
 
-use crate::model::{Model, Prior, Want, Workspace};
+use crate::model::{Model, Prior, Want, Workspace, add_squares};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::numerics::linearization::{Curvature, Linearization};
 use crate::numerics::normal_equations::over_chunks;
@@ -222,12 +222,8 @@ pub(crate) fn add_priors(here: &mut Linearization, priors: &[Prior], model: &Mod
         let off = prior.off(x);
         let slopes = prior.slopes(x);
         here.cost += 0.5 * off * off;
-        for &(i, slope) in &slopes {
-            here.gradient[i] += slope * off;
-            for &(j, other) in &slopes {
-                gram[(i, j)] += slope * other;
-            }
-        }
+        slopes.iter().for_each(|(i, slope)| here.gradient[*i] += slope * off);
+        add_squares(gram, &slopes);
     }
     here.islands = islands(gram, model.term_parameters);
 }

@@ -41,6 +41,7 @@ pub(crate) use instance::{bound_to_session, place_name, places};
 pub(crate) use near::RANK;
 pub use numbering::Unknown;
 pub use prior::Prior;
+pub(crate) use prior::add_squares;
 pub use specification::{Spec, check_names, instances_of, parse};
 pub use thing::{Thing, UNKNOWN_THINGS, is_unknown_thing};
 pub use workspace::{Want, Workspace};

@@ -1,5 +1,7 @@
 //! Priors: knowledge of the parameters without readings.
 
+use faer::Mat;
+
 /// Knowledge of the parameters without readings, with standard deviation `sd`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Prior {
@@ -32,6 +34,13 @@ pub enum Prior {
         /// Standard deviation of the coordinate, in length units.
         sd: f64,
     },
+}
+
+/// Adds what an observation with these slopes tells to a Gram matrix.
+pub(crate) fn add_squares(gram: &mut Mat<f64>, slopes: &[(usize, f64)]) {
+    for &(i, slope) in slopes {
+        slopes.iter().for_each(|&(j, other)| gram[(i, j)] += slope * other);
+    }
 }
 
 impl Prior {

@@ -97,6 +97,13 @@ struct Poses<'a> {
     samples: Vec<usize>,
 }
 
+/// Places that a wrong reading may have in so many rows: each channel, and the whole row. One equation does not tell
+/// whose reading it is.
+pub(crate) fn wrong_readings(observations: &Observations, equations: usize, rows: usize) -> f64 {
+    let kinds = if equations == 1 { 1 } else { observations.readings.channels + 1 };
+    (rows * kinds) as f64
+}
+
 impl<'a> Poses<'a> {
     fn new(at: &'a AtFit<'a>, judge: &'a Judge) -> Self {
         let Observations { readings, weights, .. } = at.observations;
@@ -137,11 +144,11 @@ impl<'a> Poses<'a> {
     }
 
     /// Number of tests for bad readings: of stretches, those of all rows of the recording, which
-    /// were looked through for rows that stand apart. One equation does not tell whose reading it is.
+    /// were looked through for rows that stand apart.
     fn tests_bad(&self) -> f64 {
-        let readings = &self.at.observations.readings;
-        let kinds = if self.at.residuals.equations == 1 { 1 } else { readings.channels + 1 };
-        (readings.merged.as_ref().map_or(self.live.len(), |merged| merged.rows) * kinds) as f64
+        let merged = self.at.observations.readings.merged.as_ref();
+        let rows = merged.map_or(self.live.len(), |merged| merged.rows);
+        wrong_readings(self.at.observations, self.at.residuals.equations, rows)
     }
 
     /// Scores of wrong readings of one channel. A recording has millions: of those that nobody

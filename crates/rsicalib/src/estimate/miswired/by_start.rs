@@ -6,7 +6,7 @@
 
 use std::cmp::Ordering;
 
-use crate::estimate::miswired::again::DECISIVE;
+use crate::estimate::miswired::again::{DECISIVE, LITTLE};
 use crate::estimate::miswired::mistake::Mistake;
 use crate::estimate::miswired::rewired::{Rewired, stays};
 use crate::estimate::search::{End, StartSearch, anchored, ratios};
@@ -75,9 +75,6 @@ fn best_of(ends: impl Iterator<Item = End>) -> Option<End> {
     ends.min_by(|a, b| a.score.total_cmp(&b.score))
 }
 
-/// What is left of two images in a mirror differs by less than this factor: a search ends at 1e-8 of both.
-const IMAGE: f64 = 1.1;
-
 /// The best fit in which gains have the other sign.
 struct Turned {
     end: End,
@@ -115,7 +112,8 @@ impl Turned {
             ends.extend(alone.map(|(found, _)| found));
         }
         let least = ends.iter().map(|(end, _)| end.score).fold(f64::INFINITY, f64::min);
-        ends.retain(|(end, _)| end.score <= IMAGE * least);
+        // What is left of images in a mirror is the same.
+        ends.retain(|(end, _)| end.score <= (1.0 + LITTLE) * least);
         ends.sort_by(|(a, of), (b, other)| {
             (of.len(), a.score).partial_cmp(&(other.len(), b.score)).unwrap_or(Ordering::Equal)
         });
