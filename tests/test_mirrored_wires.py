@@ -117,7 +117,7 @@ def of_arm(seed: int, rows: int = 40) -> tuple[Array, list[str]]:
     return np.array(read) - [0, 0.02, -0.03, 0.01, 0.04], ["AB"[k % 2] for k in range(rows)]
 
 
-@pytest.mark.parametrize("reversed_one", sized([None, "roll"], [None, *JOINTS]))
+@pytest.mark.parametrize("reversed_one", sized(["roll"], [None, *JOINTS]))
 def test_either_of_two_axes_in_the_mirror_plane_of_an_arm_may_be_reversed(
     reversed_one: str | None,
 ) -> None:

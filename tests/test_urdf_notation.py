@@ -66,7 +66,6 @@ ERRORS = {
     "the elbow is tilted aside": (3, "turn", Y, "joint_tilt/3", "joint_tilt/3"),
     "the fifth joint is tilted": (5, "turn", Y, "joint_tilt/5", "joint_tilt/5"),
 }
-PASSES = [error for error in ERRORS if "passes" in error]
 
 
 def turned(axis: Array, angle: Array) -> Array:
@@ -206,7 +205,7 @@ def test_the_two_notations_draw_one_arm() -> None:
 
 
 @pytest.mark.parametrize("notation", ["urdf", "dh"])
-@pytest.mark.parametrize("error", sized(PASSES, list(ERRORS)))
+@pytest.mark.parametrize("error", sized(["the fifth axis passes the fourth"], list(ERRORS)))
 def test_an_error_is_named_in_both_notations(
     arms: dict[str, Any], error: str, notation: str
 ) -> None:
@@ -221,9 +220,9 @@ def test_an_error_is_named_in_both_notations(
 
 @pytest.mark.parametrize("notation", ["urdf", "dh"])
 def test_a_sound_arm_is_adequate(arms: dict[str, Any], notation: str) -> None:
-    seeds = range(sized(2, 20))
+    seeds = range(sized(1, 20))
     found = [rsicalib.trace(session(arms[notation], None, k), arms[notation]) for k in seeds]
-    assert [f.verdict for f in found].count("adequate") >= len(seeds) - 1
+    assert [f.verdict for f in found].count("adequate") >= len(seeds) - (len(seeds) > 1)
 
 
 def test_where_length_and_offset_move_a_link_every_way_there_is_no_side(
