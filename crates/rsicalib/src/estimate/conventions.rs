@@ -54,6 +54,8 @@ pub(crate) struct Conventions {
     norms: Vec<f64>,
     /// An orthonormal basis of the directions, in these lengths.
     basis: Vec<Vec<f64>>,
+    /// Parameters that move no reading, and of which a typical size alone says anything.
+    presumed: Vec<usize>,
 }
 
 /// A fit at which conventions are looked for.
@@ -82,6 +84,28 @@ impl Here<'_> {
         Ok((model, beta))
     }
 
+    /// Parameters that typical sizes alone hold: without these priors a Gram matrix has nothing of them.
+    fn presumed(&self) -> Vec<usize> {
+        let sized = self.model.held_by_size();
+        let of_size =
+            |prior: &Prior| matches!(prior, Prior::Parameter { .. }) && sized.contains(prior);
+        if !self.priors.iter().any(of_size) {
+            return Vec::new();
+        }
+        let told: Vec<Prior> = self.priors.iter().filter(|p| !of_size(p)).copied().collect();
+        let Observations { readings, weights, .. } = self.observations;
+        let part = Part { model: self.model, readings, weights: Some(weights) };
+        let problem = Implicit::new(vec![(part, self.noise.clone())], &told);
+        let gram = problem.linearize(self.beta).gram();
+        let lone = |prior: &Prior| match *prior {
+            Prior::Parameter { column, sd, .. } => {
+                (gram[(column, column)] * sd * sd < OPENED).then_some(column)
+            }
+            _ => None,
+        };
+        self.priors.iter().filter(|p| of_size(p)).filter_map(lone).collect()
+    }
+
     /// The Gram matrix where all that stands has the shape that it is drawn with; none where it has.
     fn without_shapes(&self) -> Option<Mat<f64>> {
         let shapes = columns_of(self.model, |term| matches!(term.acts(), Acts::Surface(_)));
@@ -99,7 +123,27 @@ impl Here<'_> {
 
 impl Conventions {
     /// Those of a fit with this Gram matrix; none where random configurations cannot be closed.
+    ///
+    /// A typical size tells nothing of a parameter that moves no reading, as of where a tool is out of the plane
+    /// in which a machine moves.
     pub(crate) fn of(here: Here<'_>, gram: &Mat<f64>) -> Self {
+        let presumed = here.presumed();
+        let of = |prior: &Prior| match prior {
+            Prior::Parameter { column, .. } => presumed.contains(column),
+            _ => false,
+        };
+        let told: Vec<Prior> = here.priors.iter().filter(|p| !of(p)).copied().collect();
+        let n = gram.nrows();
+        let own = |i: usize, j: usize| match presumed.contains(&i) || presumed.contains(&j) {
+            true => 0.0,
+            false => gram[(i, j)],
+        };
+        let gram = Mat::from_fn(n, n, own);
+        let found = Self::of_told(Here { priors: &told, ..here }, &gram);
+        Self { presumed, ..found }
+    }
+
+    fn of_told(here: Here<'_>, gram: &Mat<f64>) -> Self {
         let n = gram.nrows();
         let norm = |i: usize| gram[(i, i)].max(0.0).sqrt();
         if (0..n).any(|i| !norm(i).is_finite()) {
@@ -115,7 +159,7 @@ impl Conventions {
             return Self::default();
         }
         let whole = shaped.map(|_| scaled(gram));
-        let mut found = Self { rows: Vec::new(), norms, basis: Vec::new() };
+        let mut found = Self { norms, ..Self::default() };
         let random = &mut Random::new(0);
         found.of_places(here, &one, random).unwrap_or_default();
         found.of_device(here, &one, random).unwrap_or_default();
@@ -131,9 +175,10 @@ impl Conventions {
         found
     }
 
-    /// How many there are.
+    /// How many there are, but for what moves no reading at all.
     pub(crate) fn number(&self) -> usize {
-        self.basis.len()
+        let alone = self.rows.iter().filter(|(pivot, _)| self.presumed.contains(pivot));
+        self.basis.len() - alone.count()
     }
 
     /// A Gram matrix without what it seems to tell of them.

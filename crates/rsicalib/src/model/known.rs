@@ -45,6 +45,23 @@ impl Model {
         priors
     }
 
+    /// Priors of the places of tools that are typical sizes: nothing else is known of those. A complete geometry
+    /// is held as a whole.
+    pub(crate) fn held_by_size(&self) -> Vec<Prior> {
+        if self.is_complete() {
+            return Vec::new();
+        }
+        let sized = |i: &Instance| i.term.moves_tool() && i.term.info().broad;
+        let free = |i: &Instance| sized(i) && self.declared_sd(i).is_none();
+        let instances = self.instances.iter().zip(&self.first).filter(|(i, _)| free(i));
+        let of = |(instance, &first): (&Instance, &usize)| {
+            let typical = self.size(instance).into_iter().enumerate();
+            let prior = move |(k, sd)| Prior::Parameter { column: first + k, mean: 0.0, sd };
+            typical.map(prior).collect::<Vec<_>>()
+        };
+        instances.flat_map(of).collect()
+    }
+
     /// True where the frames of all links are parameters.
     fn is_complete(&self) -> bool {
         let whole = |i: &Instance| i.term.info().broad && i.term.info().per == Per::Row;
