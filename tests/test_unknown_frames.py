@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 import rsicalib
@@ -40,11 +41,14 @@ def session(
     plate: tuple[float, ...] = (0, 0, HIGH, 0, 0, 0),
     moved: Array | None = None,
     joints: Array = PLATE,
+    marks: Array = BALLS,
+    knocked: tuple[int, Array, Rotation] | None = None,
 ) -> tuple[rsicalib.Mechanism, rsicalib.Readings, Array]:
     """A hexapod with some of its legs, its readings, and where the balls were.
 
     `moved` is how far its feet stand from where they are drawn; `joints` are where the plate
-    has its own.
+    has its own, and `marks` its balls. The instrument is knocked before a pose: so far along
+    and about its axes.
     """
     feet = FEET if moved is None else FEET + moved
     rng = np.random.default_rng(5)
@@ -59,8 +63,12 @@ def session(
     own = list(range(6))[:: 6 // legs] if legs < 4 else list(range(legs))
     lengths = np.linalg.norm(carried(joints[own]) - feet[own], axis=2)
     read = lengths - rng.normal(0, 1, legs) + rng.normal(0, LENGTH, lengths.shape)
-    at = carried(BALLS[:balls])
+    at = carried(marks[:balls])
     seen = turned.inv().apply((at - ORIGIN).reshape(-1, 3)).reshape(at.shape)
+    if knocked is not None:
+        first, along, about = knocked
+        after = seen[first:] - along
+        seen[first:] = about.inv().apply(after.reshape(-1, 3)).reshape(after.shape)
     seen += rng.normal(0, SEEN, seen.shape)
     frame: dict[str, Any] = {"name": "instrument", "unknown": []}
     drawn = rsicalib.Mechanism.from_dict(
@@ -156,18 +164,59 @@ def test_a_frame_that_is_not_found_is_said_to_be_lost() -> None:
     assert said == {"no_start": "instrument"}
 
 
-@pytest.mark.parametrize("term", ["anchor_position", "attachment_position"])
-def test_an_end_of_a_leg_that_is_elsewhere_than_drawn_is_named(term: str) -> None:
-    """A foot along the axes of the base, a joint of the plate along those of the plate."""
-    moved = np.zeros((6, 3))
+@pytest.mark.parametrize(
+    ("end", "of", "effect"),
+    [
+        ("moved", np.zeros((6, 3)), "anchor_position@leg 2"),
+        ("joints", PLATE, "attachment_position@leg 2"),
+        ("marks", BALLS, "attachment_position@ball 2"),
+    ],
+)
+def test_an_end_that_is_elsewhere_than_drawn_is_named(end: str, of: Array, effect: str) -> None:
+    """A foot along the axes of the base; a joint of the plate, or a ball on it, along its own."""
+    moved = np.zeros_like(of)
     moved[2] = [2.0, -1.6, 2.4]
-    ends = {"moved": moved} if term == "anchor_position" else {"joints": PLATE + moved}
-    drawn, readings, _ = session(TURNS["anyhow"], 6, 3, **ends)
+    drawn, readings, _ = session(TURNS["anyhow"], 6, 3, **{end: of + moved})
     found = rsicalib.trace(readings, drawn)
     (step,) = found.steps
-    assert (step.term, step.target) == (term, "leg 2")
+    assert step.spec == effect
     assert found.verdict == "explained"
     # Along its leg the zero of the leg takes up a part: told by its interval.
     told = [(p.value, p.sd) for p in step.parameters]
     for (value, sd), truth in zip(told, moved[2], strict=True):
         assert sd is not None and abs(value - truth) < 4 * sd
+
+
+def test_an_instrument_that_is_knocked_once_is_named_with_its_pose() -> None:
+    """One move of all that it sees, along and about its own axes."""
+    along, about = np.array([0.4, -0.3, 0.2]), np.array([4e-4, 3e-4, -5e-4])
+    knocked = (17, along, Rotation.from_euler("xyz", about))
+    drawn, readings, _ = session(TURNS["anyhow"], 6, 3, knocked=knocked)
+    found = rsicalib.trace(readings, drawn)
+    (step,) = found.steps
+    # Poses are labelled from 0.
+    assert (step.term, step.target, step.place) == ("frame_slip", "ball 0", "17")
+    assert found.verdict == "explained"
+    told = [(p.value, p.sd) for p in step.parameters]
+    for (value, sd), truth in zip(told, [*along, *about], strict=True):
+        assert sd is not None and abs(value - truth) < 4 * sd
+
+
+def test_poses_are_planned_where_the_body_has_been() -> None:
+    """The witness is where SciPy finds the plate with the lengths that are planned."""
+    drawn, readings, _ = session(TURNS["anyhow"], 6, 3)
+    found = rsicalib.calibrate(readings, drawn)
+    plan = rsicalib.plan(drawn, poses=8, result=found, beside=readings)
+    assert plan.readings.shape == (8, 6)
+    offsets = [p.value for p in found.parameters if p.term == "offset"]
+
+    def missed(x: Array, lengths: Array) -> Array:
+        corners = Rotation.from_rotvec(x[3:] / 100).apply(PLATE) + x[:3]
+        return np.asarray(np.linalg.norm(corners - FEET, axis=1) - lengths)
+
+    for lengths in plan.readings + offsets:
+        at = least_squares(missed, [0, 0, HIGH, 0, 0, 0], args=(lengths,))
+        assert np.abs(at.fun).max() < 1e-6
+        # Postures of the session are within 60 mm of the middle, and turned by .52 rad at the most.
+        assert np.abs(at.x[:3] - [0, 0, HIGH]).max() < 120
+        assert np.linalg.norm(at.x[3:]) / 100 < 1.0

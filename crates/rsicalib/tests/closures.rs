@@ -9,7 +9,7 @@ use rsicalib::numerics::linearization::Problem;
 use rsicalib::readings::{Readings, Table};
 use rsicalib::terms::{self, find};
 
-use crate::devices::plate::lengths;
+use crate::devices::plate::{INSTRUMENT, lengths, watched_plate};
 use crate::devices::{Device, How, Rng, derivative, instances, on_surface, plate};
 use crate::differences::{check_parameters, check_readings, evaluated, placed};
 
@@ -405,6 +405,47 @@ fn the_slope_by_a_joint_of_a_plate_is_exact_where_its_poses_have_settled() {
         let off = (found.gradient[k] - difference).abs();
         assert!(off < 1e-7 * difference.abs(), "{k}: {} {difference}", found.gradient[k]);
     }
+}
+
+#[test]
+fn an_instrument_that_was_knocked_sees_marks_from_elsewhere_from_its_pose_on() {
+    let device = watched_plate(How::Held, 3);
+    let readings = device.readings();
+    let term = find("frame_slip").expect("the term");
+    let look = device.mechanism.closures.iter().position(|c| c.name == "look0").expect("a look");
+    let own = |place| Instance { term, target: Target::Closure(look), place };
+    // Two knocks, one after the other.
+    let knocks =
+        [(9, [0.02, -0.03, 0.01, 4e-3, -3e-3, 5e-3]), (15, [0.01, 0.0, -0.02, 0.1, 0.2, -0.1])];
+    let instances = knocks.map(|(place, _)| own(place));
+    let (model, beta) = device.model(&readings, &instances, &knocks.map(|(_, by)| by).concat());
+    let stands = Vector3::from_row_slice(&INSTRUMENT[..3]);
+    let legs = device.mechanism.channels.len();
+    let about = |pose: &[f64; 6]| turned([pose[3], pose[4], pose[5]]);
+    for (block, meta) in readings.blocks().iter().enumerate() {
+        let at = placed(&model, &readings, block, &beta);
+        let ws = evaluated(&model, &readings, block, &at, &beta);
+        for (lane, &row) in meta.rows[..meta.live].iter().enumerate() {
+            let pose: [f64; 6] = std::array::from_fn(|k| ws.xi[k].0[lane]);
+            for (k, mark) in (0..3).map(|k| (k, format!("mark{k}"))) {
+                let mut points = device.mechanism.points.iter();
+                let mark = points.find(|p| p.name == mark).and_then(|p| p.at).expect("drawn");
+                let there =
+                    about(&pose) * Vector3::from(mark) + Vector3::from_row_slice(&pose[..3]);
+                let read = Vector3::from_fn(|axis, _| readings.table.columns[3 * k + axis][row]);
+                let after = knocks.iter().filter(|(place, _)| readings.pose[row] >= *place);
+                let moved = after.fold(read, |sum, (_, by)| {
+                    sum + about(by) * read - read + Vector3::from_row_slice(&by[..3])
+                });
+                let seen = about(&INSTRUMENT) * moved + stands;
+                for axis in 0..3 {
+                    let off = ws.f[legs + 3 * k + axis].0[lane] - (there - seen)[axis];
+                    assert!(off.abs() < 1e-12, "row {row}, mark {k}, {axis}: {off}");
+                }
+            }
+        }
+    }
+    check_parameters(&model, &readings, &beta, 0..model.parameters);
 }
 
 // --- what is unknown in one pose alone -------------------------------------

@@ -103,7 +103,7 @@ def as_applied(result: Result | None, mechanism: Mechanism, *, own: bool = False
     return {
         **result.reference.to_dict(),
         "sigma": [result.noise.sigma[c.name] for c in channels],
-        "declared": result.noise.kind == "declared",
+        "declared": result.noise.kind in ("declared", "presumed"),
         "closures": list(result.noise.closures.items()),
         "own": own,
         "parameters": [(p.at, p.name, p.value) for p in result.parameters if p.value is not None],

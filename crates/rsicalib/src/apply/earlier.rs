@@ -494,7 +494,7 @@ impl Under {
         for (block, meta) in readings.blocks().iter().enumerate() {
             let want = Want { x: false, a: false };
             model.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
-            let points = model.points(&ws);
+            let points = model.points(&ws, beta);
             for (out, &p) in out.iter_mut().zip(&carried) {
                 let Some(at) = points[p] else { continue };
                 for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {

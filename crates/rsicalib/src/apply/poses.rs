@@ -65,7 +65,7 @@ pub fn some_poses(
     let platform = Platform::of(&model.mechanism);
     for (block, a) in settled_blocks(model, readings, beta, noise, stride) {
         model.evaluate(readings, block, &a, beta, Want { x: false, a: false }, &mut ws);
-        let points = model.points(&ws);
+        let points = model.points(&ws, beta);
         let meta = &readings.blocks()[block];
         for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
             let place = |at: Vec3| Vector3::new(at[0].0[lane], at[1].0[lane], at[2].0[lane]);
@@ -135,7 +135,7 @@ pub fn carried_points(
     for (block, meta) in readings.blocks().iter().enumerate() {
         let want = Want { x: false, a: false };
         model.evaluate(&readings, block, readings.raw(block), &beta, want, &mut ws);
-        let points = model.points(&ws);
+        let points = model.points(&ws, &beta);
         for (out, &p) in out.iter_mut().zip(&names) {
             let Some(at) = points[p] else { continue };
             for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {

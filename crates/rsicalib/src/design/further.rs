@@ -762,7 +762,7 @@ fn carried(model: &Model, readings: &Readings, beta: &[f64]) -> Vec<[f64; 6]> {
     for (block, meta) in readings.blocks().iter().enumerate() {
         let want = Want { x: false, a: false };
         model.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
-        let Some(at) = tip.and_then(|p| model.points(&ws)[p]) else { continue };
+        let Some(at) = tip.and_then(|p| model.points(&ws, beta)[p]) else { continue };
         for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
             (0..3).for_each(|i| out[row][i] = at[i].0[lane]);
         }

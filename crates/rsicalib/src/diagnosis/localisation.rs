@@ -5,6 +5,7 @@ use crate::diagnosis::isolation::{belongs, taken_up};
 use crate::diagnosis::location::{Location, location};
 use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::score::scored;
+use crate::diagnosis::search::noise::scatter;
 use crate::diagnosis::trace::Traced;
 use crate::diagnosis::unknown_law::UnknownLaw;
 use crate::mechanism::Target;
@@ -124,8 +125,8 @@ fn left_over(traced: &Traced) -> Residual {
     let of_law = |c: &usize| law.is_some_and(|law| law.whose.target == Target::Channel(*c));
     let (own, others): (Vec<usize>, Vec<usize>) =
         (0..traced.small.mechanism.channels.len()).partition(of_law);
-    let scatter = |of: &[usize]| of.iter().map(|&c| rise(traced, c)).fold(0.0, f64::max);
-    let (own, others) = (gain.max(scatter(&own)), scatter(&others));
+    let most = |of: &[usize]| of.iter().map(|&c| scatter_of(traced, c)).fold(0.0, f64::max);
+    let (own, others) = (gain.max(most(&own)), most(&others));
     louder(traced, own.max(others))
         .or_else(|| law.filter(|_| own > others).map(|law| Residual::Follows(law.clone())))
         .unwrap_or_else(|| Residual::Structure(locate(traced)))
@@ -207,7 +208,7 @@ fn locate(traced: &Traced) -> Structure {
 fn by_variance(traced: &Traced) -> Structure {
     let mechanism = &traced.small.mechanism;
     let channels = 0..mechanism.channels.len();
-    let scores: Vec<(f64, usize)> = channels.map(|c| (rise(traced, c), c)).collect();
+    let scores: Vec<(f64, usize)> = channels.map(|c| (scatter_of(traced, c), c)).collect();
     let likely = probabilities(&scores);
     let (first, sure) = likely.first().copied().unwrap_or((0, 0.0));
     let share = match mechanism.chain_of(first) {
@@ -227,37 +228,7 @@ fn by_variance(traced: &Traced) -> Structure {
     Structure { share, percent: 100.0, location, likely: named.copied().collect() }
 }
 
-/// Factors of the variance of noise that are tried: of (75) only the largest matters, and
-/// between two that are a factor of 1.5 apart the likelihood hardly changes.
-const VARIANCES: usize = 60;
-
-/// Twice the logarithm of how much likelier the residual becomes by (75), with the variance of
-/// channel `c` between poses that makes the residual likeliest.
-fn rise(traced: &Traced, c: usize) -> f64 {
-    let (residuals, channels) = (&traced.last.residuals, traced.small.readings.channels);
-    let k = residuals.equations;
-    let live = |row: &usize| traced.small.weights[*row] > 0.0;
-    // Of each pose AᵀA and Aᵀr.
-    let of_row = |row: usize| {
-        let each = (row * k..(row + 1) * k).map(|e| {
-            let a = residuals.by_reading[e * channels + c];
-            (a * a, a * residuals.whitened[e])
-        });
-        each.fold((0.0, 0.0), |sum, (aa, ar)| (sum.0 + aa, sum.1 + ar))
-    };
-    let poses: Vec<(f64, f64)> =
-        (0..traced.small.readings.samples).filter(live).map(of_row).collect();
-    let usual = poses.iter().map(|(aa, _)| aa).sum::<f64>() / poses.len().max(1) as f64;
-    if usual <= 0.0 {
-        return 0.0;
-    }
-    let of = |v: f64| -> f64 {
-        let one = |(aa, ar): &(f64, f64)| {
-            let more = v * aa / usual;
-            ar * ar * v / usual / (1.0 + more) - more.ln_1p()
-        };
-        poses.iter().map(one).sum()
-    };
-    // From a hundredth of the noise on.
-    (0..VARIANCES).map(|k| of(0.01 * 1.5_f64.powi(k as i32))).fold(0.0, f64::max)
+/// What scatter of a channel between poses explains of what is left, (75).
+fn scatter_of(traced: &Traced, c: usize) -> f64 {
+    scatter(&traced.small, &traced.last, &[c])
 }

@@ -18,6 +18,7 @@ pub(crate) mod location;
 pub(crate) mod long;
 pub mod options;
 pub mod plausibility;
+mod presumed;
 pub(crate) mod price;
 pub(crate) mod score;
 pub(crate) mod search;

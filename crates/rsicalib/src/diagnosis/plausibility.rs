@@ -6,7 +6,7 @@
 use std::f64::consts::PI;
 
 use crate::diagnosis::curve::curve;
-use crate::estimate::noise::source::{NOISIER, Source};
+use crate::estimate::noise::source::NOISIER;
 use crate::estimate::search::ratios;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::{Mechanism, Target, Value};
@@ -90,7 +90,7 @@ pub fn absurdities(observations: &Observations, fit: &Fit, found: &[Instance]) -
 /// True where the misclosure is what the declared noise leaves, or a few times as much: coarse sensors
 /// beside a short link. Gains that have grown would make any noise leave it.
 fn is_declared(fit: &Fit) -> bool {
-    fit.noise.source == Source::Declared
+    fit.noise.source.is_declared()
         && fit.chi2 < NOISIER * NOISIER * fit.dof
         && ratios(&fit.model, &fit.beta).all(|ratio| ratio.abs() < GAIN)
 }

@@ -16,6 +16,7 @@ use crate::diagnosis::delays::{Delays, beyond, delays};
 use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::long::{Search, rise, search_long};
 use crate::diagnosis::plausibility::absurdities;
+use crate::diagnosis::presumed::{is_noise, leaves_more};
 use crate::diagnosis::score::places;
 use crate::diagnosis::score::scored::{self, Judge, Scored};
 use crate::diagnosis::score::times::{happened_once, retimed};
@@ -30,6 +31,7 @@ use crate::estimate::miswired::DECISIVE;
 use crate::estimate::progress::Stage;
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::{Fit, Observations, fit, with_conventions, with_groups};
+use crate::mechanism::Target;
 use crate::model::{Instance, Model};
 use crate::screening::converter;
 use crate::screening::excluded::Excluded;
@@ -145,6 +147,24 @@ impl Traced {
 /// As [`SearchOptions::check`] and [`fit`].
 pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Traced, Error> {
     search.check()?;
+    let traced = looked_for(observations, search)?;
+    if !is_undeclared_noise(&traced) {
+        return Ok(traced);
+    }
+    looked_for(&Observations { by_fit: true, ..observations.clone() }, search)
+}
+
+/// True where nothing was found, more is left than the noise allows that was presumed of readings, and neither a law
+/// nor anything that is at fault alone explains it better than more of this noise does.
+fn is_undeclared_noise(traced: &Traced) -> bool {
+    let alone = traced.isolated.as_ref().is_some_and(|it| !matches!(it.target, Target::Channel(_)));
+    let law = traced.unknown.as_ref().map_or(0.0, |law| -law.behind);
+    let nothing = traced.found.is_empty() && !alone;
+    nothing && leaves_more(&traced.after) && is_noise(&traced.small, &traced.last, law)
+}
+
+/// What a search finds, with the noise as it is known.
+fn looked_for(observations: &Observations, search: &SearchOptions) -> Result<Traced, Error> {
     let (traced, lost) = explain(observations, search, Scope::All)?;
     let mut more = if lost { Vec::new() } else { beyond(observations, &traced.after) };
     if more.is_empty() {
@@ -213,7 +233,7 @@ fn is_miswired(observations: &Observations, fit: &Fit) -> bool {
     let undone = |it: &Suspicion| it.of_wiring() && !it.is_no_start();
     let follower = |channel: &usize| observations.mechanism.leader_of(*channel).is_some();
     let exchanged_followers = |it: &Suspicion| match it {
-        Suspicion::Exchanged { channels, .. } => channels.iter().all(follower),
+        Suspicion::Exchanged { channels, .. } => channels.iter().flatten().all(follower),
         _ => false,
     };
     let left = fit.chi2 / fit.dof;

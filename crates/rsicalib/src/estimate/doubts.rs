@@ -2,9 +2,7 @@
 
 use crate::estimate::degrees;
 use crate::estimate::fitted::Fit;
-use crate::estimate::noise::source::{
-    ALIKE, DOUBT, LARGER_PART, NoiseEstimate, Source, misdeclared,
-};
+use crate::estimate::noise::source::{ALIKE, DOUBT, LARGER_PART, NoiseEstimate, misdeclared};
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Suspicion, Witness};
 use crate::model::Model;
@@ -55,7 +53,7 @@ pub(crate) fn of_noise(
             found.push(Suspicion::Coarse { channel, step, share: share.min(1.0) });
         }
     }
-    if let (Source::Declared, Some([chi2, dof])) = (noise.source, chi2) {
+    if let (true, Some([chi2, dof])) = (noise.source.is_declared(), chi2) {
         let factor = misdeclared(chi2 / dof, dof);
         found.extend(factor.map(|factor| Suspicion::Noise { by: Witness::Fit, factor, play }));
     }
@@ -68,7 +66,7 @@ pub(crate) fn of_play(observations: &Observations, fit: &Fit) -> Option<Suspicio
     let [readings, ratio] = [fit.noise.share, fit.chi2 / fit.dof];
     let by_chance = fit.p_value.is_none_or(|above| 1.0 - above >= DOUBT);
     // Where the noise of readings is declared, too, and used, either may be too large.
-    let both = fit.noise.source == Source::Declared && observations.declares_noise();
+    let both = fit.noise.source.is_declared() && observations.declares_noise();
     if by_chance || both || readings >= LARGER_PART {
         return None;
     }

@@ -21,7 +21,7 @@ use crate::estimate::noise::rounding::Rounding;
 use crate::estimate::noise::scatter::Groups;
 use crate::estimate::noise::seating::contrasts;
 use crate::estimate::noise::source::{
-    NoiseEstimate, Rounded, Source, check_declared, declared_rounded, estimate_noise, first_noise,
+    NoiseEstimate, Rounded, check_declared, declared_rounded, estimate_noise, first_noise,
     presumed, rounded, told_apart, with_lengths,
 };
 use crate::estimate::objective::{Noise, Part};
@@ -558,10 +558,7 @@ fn conclude(
     let (mut chi2, mut dof) =
         (total, told as f64 - free_parameters(&gram, &inverse, &priors, &outcome.x));
     let mut within = 0.0;
-    if matches!(
-        noise.source,
-        Source::Repeats | Source::Neighbours | Source::Quantisation | Source::Declared
-    ) {
+    if noise.source.independent() {
         let scatter = groups.scatter(&residuals, 0.0);
         chi2 = (chi2 - scatter.within).max(0.0) / noise.inflation;
         within = scatter.dof;

@@ -8,7 +8,7 @@ use faer::Mat;
 use crate::estimate::adjusted::Adjusted;
 use crate::estimate::between::Between;
 use crate::estimate::conventions::{Conventions, Stays};
-use crate::estimate::noise::source::{LARGER_PART, LEAST_DOF, NOISIER, NoiseEstimate, Source};
+use crate::estimate::noise::source::{LARGER_PART, LEAST_DOF, NOISIER, NoiseEstimate};
 use crate::estimate::objective::Noise;
 use crate::estimate::residuals::Residuals;
 use crate::estimate::suspicion::Suspicion;
@@ -143,7 +143,7 @@ impl Fit {
     /// say nothing of it.
     #[must_use]
     pub fn unverified(&self) -> bool {
-        let repeated = self.noise.source != Source::Declared || self.within >= LEAST_DOF;
+        let repeated = !self.noise.source.is_declared() || self.within >= LEAST_DOF;
         self.noise.judges() && !(repeated && self.noise.share >= LARGER_PART)
     }
 

@@ -39,6 +39,9 @@ pub struct Observations {
     /// was declared: nothing questions it again.
     #[doc(hidden)]
     pub judged: bool,
+    /// True where nothing is presumed of the noise of readings beside play that is declared: only the fit tells it.
+    #[doc(hidden)]
+    pub by_fit: bool,
     /// The mechanism held at rest and its reading. `None` unless the rest pose was read and is
     /// declared with a standard deviation, which makes the rest pose an observation.
     #[doc(hidden)]
@@ -202,6 +205,7 @@ impl Observations {
             doubled,
             options,
             judged: false,
+            by_fit: false,
             held,
         };
         // What cannot be asked for is said where these are fitted.

@@ -21,8 +21,8 @@ pub enum Suspicion {
     },
     /// The readings of two channels are exchanged.
     Exchanged {
-        /// The channels.
-        channels: [usize; 2],
+        /// The channels, two for each exchange with which the loop closes as well.
+        channels: Vec<[usize; 2]>,
         /// How well the loop closes with it.
         closes: Closes,
         /// True where it closes so beside a delay of all followers.

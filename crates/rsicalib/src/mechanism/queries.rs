@@ -237,21 +237,52 @@ impl Mechanism {
         }
     }
 
-    /// The point of a moving body at which a distance ends, by its number; none where no end, or each, is on
-    /// such a body, and where an earlier distance ends at this point.
+    /// Where the points are counted that an instrument sees at the end of a closure whose other end is on a moving
+    /// body: a frame, or the base.
+    fn seen_from(&self, closure: usize) -> Option<Option<&String>> {
+        let own = &self.closures[closure];
+        let named = |name: &String| self.points.iter().find(|point| point.name == *name);
+        let standing = self.standing_end(closure)?;
+        let seen = named(&own.between[standing]).filter(|point| point.columns.is_some())?;
+        self.body_of(named(&own.between[1 - standing])?)?;
+        Some(seen.frame.as_ref())
+    }
+
+    /// True where one instrument sees what is at the ends of both closures.
+    pub(crate) fn seen_alike(&self, one: usize, other: usize) -> bool {
+        let own = self.seen_from(one);
+        own.is_some() && own == self.seen_from(other)
+    }
+
+    /// True for the first closure at whose end an instrument sees a moving body that is held otherwise, too.
+    pub(crate) fn first_seen(&self, closure: usize) -> bool {
+        let others = || (0..self.closures.len()).filter(|&k| !self.is_link(&self.closures[k]));
+        self.seen_from(closure).is_some()
+            && !(0..closure).any(|earlier| self.seen_alike(closure, earlier))
+            && others().any(|other| !self.seen_alike(closure, other))
+    }
+
+    /// The point at which a closure ends that is one of several of a rigid body, by its number: of a moving body, or
+    /// of what a chain carries. None where no end, or each, is such a point, and where an earlier closure ends at it.
     pub(crate) fn attachment(&self, closure: usize) -> Option<usize> {
-        let is_distance = |c: &&Closure| c.kind.is_between_points() && c.kind.has_value();
-        let own = self.closures.get(closure).filter(is_distance)?;
-        let on_body = |name: &String| {
-            let named = self.points.iter().position(|point| point.name == *name);
-            named.filter(|&point| self.body_of(&self.points[point]).is_some())
+        let between_points = |c: &&Closure| c.kind.is_between_points();
+        let own = self.closures.get(closure).filter(between_points)?;
+        let one_of_several = |point: &Point| match &point.chain {
+            Some(chain) => {
+                self.points.iter().filter(|p| p.chain.as_ref() == Some(chain)).count() > 1
+            }
+            None => self.body_of(point).is_some(),
         };
-        let point = match own.between.each_ref().map(on_body) {
+        let attached = |name: &String| {
+            let named = self.points.iter().position(|point| point.name == *name);
+            named.filter(|&point| one_of_several(&self.points[point]))
+        };
+        let point = match own.between.each_ref().map(attached) {
             [Some(point), None] | [None, Some(point)] => point,
             _ => return None,
         };
         let name = &self.points[point].name;
-        let mut before = self.closures[..closure].iter().filter(is_distance);
+        let mut before = self.closures[..closure].iter().filter(between_points);
         before.all(|earlier| !earlier.between.contains(name)).then_some(point)
     }
 

@@ -41,7 +41,9 @@ impl Model {
     /// Name, whether a channel measures the length to it, and place of the ends of a closure that
     /// holds a point which moves; without those that chains carry or an instrument measures.
     fn held(&self, closure: &Closure) -> Vec<(String, bool, End)> {
-        let Ok(ends) = ends(&self.mechanism, closure, &self.owned) else { return Vec::new() };
+        let Ok(ends) = ends(&self.mechanism, closure, &self.owned, &self.attached) else {
+            return Vec::new();
+        };
         let points = closure.kind.facts().between == [Part::Point; 2];
         if !points || !ends.iter().any(|end| matches!(end, End::Posed(_))) {
             return Vec::new();

@@ -9,7 +9,7 @@ use crate::model::compiled::{
     Added, CompiledClosure, Gate, Gating, LoadAt, Model, ShapeAt, TermAt,
 };
 use crate::model::drives::Drives;
-use crate::model::ends::{self, MovedEnd, Moving, Only};
+use crate::model::ends::{self, End, Knock, MovedEnd, Moving, Only};
 use crate::model::instance::{Instance, bound_to_session};
 use crate::model::law_at::LawAt;
 use crate::model::numbering::{Owned, Unknown, number_unknowns};
@@ -241,6 +241,8 @@ impl Model {
             columns,
             unknowns,
             posed: Moving::of(mechanism),
+            attached: Vec::new(),
+            knocks: Vec::new(),
         };
         model.compile_terms(readings);
         model.compile_chains()?;
@@ -298,10 +300,18 @@ impl Model {
                 Acts::Attachment => {
                     let Target::Closure(closure) = instance.target else { continue };
                     let Some(point) = self.mechanism.attachment(closure) else { continue };
+                    if self.mechanism.points[point].chain.is_some() {
+                        self.attached.push((point, first));
+                        continue;
+                    }
                     let number = ends::number_of_moving(&self.mechanism, point);
                     self.posed.points[number].moved_by = Some(first);
                 }
-                Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) | Acts::End => {
+                Acts::Geometry(_)
+                | Acts::Distance
+                | Acts::Surface(_)
+                | Acts::End
+                | Acts::Instrument => {
                     let gate = |acts| Gate { instance: number, acts };
                     if instance.term.placed() == Placed::AtPose {
                         self.gates.push(gate(Gating::Since { place, session }));
@@ -425,7 +435,14 @@ impl Model {
             if self.mechanism.is_link(closure) {
                 continue; // no sample takes part: see `links`
             }
-            let ends = ends::ends(&self.mechanism, closure, &self.owned)?;
+            let mut ends = ends::ends(&self.mechanism, closure, &self.owned, &self.attached)?;
+            let knocks = self.knocks_of(k);
+            for end in &mut ends {
+                if let End::Seen(.., own) = end {
+                    *own = [self.knocks.len(), self.knocks.len() + knocks.len()];
+                }
+            }
+            self.knocks.extend(knocks);
             let (on, along, offset) = self.surface(closure);
             let (value, column) = match &closure.value {
                 Some(Value::Known(value)) => (*value, None),
@@ -464,6 +481,18 @@ impl Model {
             equation += kind.equations();
         }
         Ok(())
+    }
+
+    /// What moves the instrument that sees an end of a closure.
+    fn knocks_of(&self, closure: usize) -> Vec<Knock> {
+        let instances = self.instances.iter().zip(&self.first).enumerate();
+        let own = instances.filter_map(|(number, (instance, &first))| {
+            let Target::Closure(own) = instance.target else { return None };
+            let acts = matches!(instance.term.acts(), Acts::Instrument);
+            (acts && self.mechanism.seen_alike(own, closure))
+                .then(|| Knock { first, gate: self.gate_of(number) })
+        });
+        own.collect()
     }
 
     /// What terms move the standing end of a closure of the mechanism by.

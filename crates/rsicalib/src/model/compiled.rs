@@ -6,7 +6,7 @@ use crate::kinematics::elements::{Element, Source, Way, Weight};
 use crate::kinematics::posture::Lever;
 use crate::mechanism::{ClosureKind, Mechanism, Target};
 use crate::model::drives::Drives;
-use crate::model::ends::{End, Measured, MovedEnd, Moving, Only};
+use crate::model::ends::{End, Knock, Measured, MovedEnd, Moving, Only};
 use crate::model::instance::Instance;
 use crate::model::law_at::LawAt;
 use crate::model::numbering::{Owned, Unknown};
@@ -91,7 +91,7 @@ impl CompiledClosure {
     /// What is unknown and stands at its ends: numbers among what is unknown.
     pub(crate) fn unknowns(&self) -> impl Iterator<Item = usize> {
         let ends = self.ends.iter().filter_map(|end| match end {
-            End::Unknown(number, ..) | End::Seen(_, Measured::Unknown(number)) => Some(*number),
+            End::Unknown(number, ..) | End::Seen(_, Measured::Unknown(number), _) => Some(*number),
             _ => None,
         });
         ends.chain(self.on)
@@ -215,6 +215,11 @@ pub struct Model {
     pub(crate) axes: Vec<[[f64; 3]; 3]>,
     /// Points and bodies that are somewhere else in each pose.
     pub(crate) posed: Moving,
+    /// Points of chains that a term moves along the axes of the frame that carries them, each with the first of
+    /// three parameters.
+    pub(crate) attached: Vec<(usize, usize)>,
+    /// Knocks of instruments, closure by closure.
+    pub(crate) knocks: Vec<Knock>,
     pub(crate) equations: usize,
     pub(crate) steps: Vec<Vec<Element>>,
     pub(crate) closures: Vec<CompiledClosure>,
@@ -464,19 +469,25 @@ impl Model {
             }
             for end in &closure.ends {
                 match end {
-                    End::Carried(chain, _) => {
+                    End::Carried(chain, _, moved_by) => {
+                        columns.extend(moved_by.iter().copied().flat_map(|first| first..first + 3));
                         let channels = self.mechanism.channels_of(*chain);
                         self.columns_of_channels(&channels, Some(*chain), &mut columns);
                     }
-                    End::Unknown(number, ..) | End::Seen(_, Measured::Unknown(number)) => {
-                        columns.extend(own(*number));
+                    End::Unknown(number, ..) => columns.extend(own(*number)),
+                    End::Seen(_, frame, [from, to]) => {
+                        if let Measured::Unknown(number) = frame {
+                            columns.extend(own(*number));
+                        }
+                        let knocks = &self.knocks[*from..*to];
+                        columns.extend(knocks.iter().flat_map(|k| k.first..k.first + 6));
                     }
                     End::Coordinate(c) => self.columns_of_channels(&[*c], None, &mut columns),
                     End::Posed(number) => {
                         let moved_by = self.posed.points[*number].moved_by;
                         columns.extend(moved_by.into_iter().flat_map(|first| first..first + 3));
                     }
-                    End::Fixed(_) | End::Seen(..) => {}
+                    End::Fixed(_) => {}
                 }
             }
             columns.sort_unstable();

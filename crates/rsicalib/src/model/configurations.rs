@@ -403,6 +403,12 @@ impl Configurations {
         let mut ws = Workspace::default();
         let want = Want { x: false, a: true };
         model.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
+        if model.closures.iter().any(|closure| seen(closure).is_some()) {
+            // Nothing has been seen yet: what is of one pose alone is looked for where it is drawn.
+            for (slot, drawn) in model.posed.slots() {
+                slot.iter().for_each(|&slot| ws.xi[slot] = Lanes::splat(drawn));
+            }
+        }
         let mut at: Vec<Lanes> = readings.raw(block).iter().chain(&ws.xi).copied().collect();
         let misclosure = |ws: &Workspace, lane: usize| -> Vec<f64> {
             known.iter().map(|&k| ws.f[k].0[lane] / sizes[k]).collect()
@@ -573,7 +579,7 @@ fn measured(
             distances[column] = ws.f[closure.equation].0[lane] + columns[column].0[lane];
         }
         let end = seen(closure).map(|k| (closure.ends[k], closure.ends[1 - k]));
-        if let Some((End::Seen(into, frame), other)) = end {
+        if let Some((End::Seen(into, frame, _), other)) = end {
             let at = model.end_point(&other, group, columns, beta, ws).map(|x| x.0[lane]);
             let there = model.seen_from(&frame, group, beta, at);
             into.iter().zip(there).for_each(|(column, x)| distances[*column] = x);

@@ -21,11 +21,38 @@ pub(crate) enum Measured {
     Unknown(usize),
 }
 
+/// A term that moves an instrument along and about its own axes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Knock {
+    /// The first of six parameters.
+    pub(crate) first: usize,
+    /// Number of its gate; none where it acts in all samples.
+    pub(crate) gate: Option<usize>,
+}
+
+impl Knock {
+    /// Where its movement along an axis, or from the fourth on about one, comes from.
+    #[inline(always)]
+    pub(crate) fn source(&self, k: usize) -> Source {
+        match self.gate {
+            Some(gate) => Source::Gated(self.first + k, gate),
+            None => Source::Parameter(self.first + k),
+        }
+    }
+
+    /// What the instrument reads, turned as it was.
+    #[inline(always)]
+    pub(crate) fn turned(&self, read: &Vec3, beta: &[f64]) -> Vec3 {
+        rotate(&turned(&beta[self.first + 3..self.first + 6]), read)
+    }
+}
+
 /// One end of a closure.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum End {
-    /// On a chain: index of the chain, and position in the frame at its end.
-    Carried(usize, [f64; 3]),
+    /// On a chain: index of the chain, position in the frame at its end, and the first of three parameters of
+    /// a term that moves it along the axes of this frame.
+    Carried(usize, [f64; 3], Option<usize>),
     /// Fixed in the base.
     Fixed([f64; 3]),
     /// An unknown point: its number among what is unknown, and what is drawn; its free coordinates
@@ -33,8 +60,9 @@ pub(crate) enum End {
     Unknown(usize, [f64; 3], [bool; 3]),
     /// A point that is somewhere else in each pose: its number among those.
     Posed(usize),
-    /// A point that another instrument measures: columns of its coordinates, and their frame.
-    Seen([usize; 3], Measured),
+    /// A point that another instrument measures: columns of its coordinates, their frame, and which of the
+    /// knocks of instruments are of this one: the first, and one beyond the last.
+    Seen([usize; 3], Measured, [usize; 2]),
     /// The coordinate of a channel, as the first of three.
     Coordinate(usize),
 }
@@ -232,14 +260,17 @@ pub(crate) fn unit(axis: usize) -> Vec3 {
 }
 
 /// The ends of a closure.
+///
+/// `attached` are points that a term moves on the chain that carries them, each with the first parameter.
 pub(crate) fn ends(
     mechanism: &Mechanism,
     closure: &Closure,
     owned: &[Owned],
+    attached: &[(usize, usize)],
 ) -> Result<[End; 2], Error> {
     let [one, other] = closure.kind.facts().between;
     let end = |part: Part, name: &str| match part {
-        Part::Point => point(mechanism, name, owned),
+        Part::Point => point(mechanism, name, owned, attached),
         Part::Plane => Ok(End::Fixed([0.0; 3])),
         Part::Line => Ok(End::Fixed(mechanism.lines[mechanism.line_index(name)?].counts_from())),
         Part::Channel => Ok(End::Coordinate(mechanism.channel_index(name)?)),
@@ -247,7 +278,12 @@ pub(crate) fn ends(
     Ok([end(one, &closure.between[0])?, end(other, &closure.between[1])?])
 }
 
-fn point(mechanism: &Mechanism, name: &str, owned: &[Owned]) -> Result<End, Error> {
+fn point(
+    mechanism: &Mechanism,
+    name: &str,
+    owned: &[Owned],
+    attached: &[(usize, usize)],
+) -> Result<End, Error> {
     let index = mechanism.point_index(name)?;
     let point = &mechanism.points[index];
     let at = point.at.unwrap_or_default();
@@ -274,10 +310,13 @@ fn point(mechanism: &Mechanism, name: &str, owned: &[Owned]) -> Result<End, Erro
                 }
             }
         };
-        return Ok(End::Seen(columns.each_ref().map(place), frame));
+        return Ok(End::Seen(columns.each_ref().map(place), frame, [0, 0]));
     }
     Ok(match (&point.chain, &point.frame) {
-        (Some(chain), _) => End::Carried(mechanism.chain_index(chain)?, at),
+        (Some(chain), _) => {
+            let moved_by = attached.iter().find(|(own, _)| *own == index).map(|(_, first)| *first);
+            End::Carried(mechanism.chain_index(chain)?, at, moved_by)
+        }
         (None, None) => End::Fixed(at),
         (None, Some(frame)) => {
             let pose = mechanism.frames[mechanism.frame_index(frame)?].pose.unwrap_or_default();

@@ -25,7 +25,7 @@ use crate::kinematics::posture::Posture;
 use crate::mechanism::MOST_PARAMETERS;
 use crate::model::compiled::{CompiledClosure, Model, Patch};
 use crate::model::drives::Drives;
-use crate::model::ends::{End, Measured, rotate, seen_from, turned, unit};
+use crate::model::ends::{End, Measured, rotate, seen_from, turn_axes, turned, unit};
 use crate::model::lean::Lean;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
@@ -483,16 +483,15 @@ impl Model {
                 }
             }
             for moved in closure.moved.iter().filter(|m| here(m.only)) {
+                let sign = [1.0, -1.0][moved.end];
                 for axis in 0..3 {
-                    let (mut unit, sign) = ([Lanes::ZERO; 3], [1.0, -1.0][moved.end]);
-                    unit[axis] = Lanes::ONE;
-                    self.add_column(closure, moved.source(axis), &unit, &at, sign, want, ws);
+                    self.add_column(closure, moved.source(axis), &unit(axis), &at, sign, want, ws);
                 }
             }
             for (end, sign) in closure.ends.iter().zip([1.0, -1.0]) {
                 match end {
-                    End::Fixed(_) | End::Seen(_, Measured::Base | Measured::Known(..)) => {}
-                    End::Carried(chain, _) => {
+                    End::Fixed(_) => {}
+                    End::Carried(chain, _, moved_by) => {
                         let point = if sign > 0.0 { &ends[0] } else { &ends[1] };
                         for lever in 0..ws.postures[*chain].levers.len() {
                             let lever = &ws.postures[*chain].levers[lever];
@@ -501,6 +500,13 @@ impl Model {
                             }
                             let (source, moved) = (lever.source, lever.moves(point));
                             self.add_column(closure, source, &moved, &at, sign, want, ws);
+                        }
+                        if let Some(first) = moved_by.filter(|_| want.x) {
+                            for axis in 0..3 {
+                                let along = ws.postures[*chain].tip.axes[axis];
+                                let parameter = Source::Parameter(first + axis);
+                                self.add_column(closure, parameter, &along, &at, sign, want, ws);
+                            }
                         }
                     }
                     End::Unknown(number, _, free) => {
@@ -527,20 +533,52 @@ impl Model {
                             self.add_column(closure, parameter, &axis, &at, sign, want, ws);
                         }
                     }
-                    End::Seen(_, Measured::Unknown(number)) => {
-                        let first = self.unknown_first(*number, group);
-                        let source = self.unknown_column(*number);
-                        let mut arm = if sign > 0.0 { placed[0] } else { placed[1] };
-                        for (axis, arm) in arm.iter_mut().enumerate() {
-                            *arm -= Lanes::splat(beta[first + axis]);
-                            let parameter = Source::Parameter(source + axis);
-                            self.add_column(closure, parameter, &unit(axis), &at, sign, want, ws);
+                    End::Seen(columns, frame, [from, to]) => {
+                        if let Measured::Unknown(number) = frame {
+                            let first = self.unknown_first(*number, group);
+                            let source = self.unknown_column(*number);
+                            let mut arm = if sign > 0.0 { placed[0] } else { placed[1] };
+                            for (axis, arm) in arm.iter_mut().enumerate() {
+                                *arm -= Lanes::splat(beta[first + axis]);
+                                let parameter = Source::Parameter(source + axis);
+                                self.add_column(
+                                    closure,
+                                    parameter,
+                                    &unit(axis),
+                                    &at,
+                                    sign,
+                                    want,
+                                    ws,
+                                );
+                            }
+                            let axes = self.axes_of_turns(&beta[first + 3..first + 6]);
+                            for (turn, axis) in axes.iter().enumerate() {
+                                let moved = cross(&axis.map(Lanes::splat), &arm);
+                                let parameter = Source::Parameter(source + 3 + turn);
+                                self.add_column(closure, parameter, &moved, &at, sign, want, ws);
+                            }
                         }
-                        let axes = self.axes_of_turns(&beta[first + 3..first + 6]);
-                        for (turn, axis) in axes.iter().enumerate() {
-                            let moved = cross(&axis.map(Lanes::splat), &arm);
-                            let parameter = Source::Parameter(source + 3 + turn);
-                            self.add_column(closure, parameter, &moved, &at, sign, want, ws);
+                        for knock in self.knocks[*from..*to].iter().filter(|_| want.x) {
+                            let axes = self.axes_of(frame, group, beta);
+                            let turns = &beta[knock.first + 3..knock.first + 6];
+                            let read = columns.map(|column| seen[column]);
+                            let arm = knock.turned(&read, beta);
+                            for (k, about) in turn_axes(turns).iter().enumerate() {
+                                let by = rotate(&axes, &cross(&about.map(Lanes::splat), &arm));
+                                let along = rotate(&axes, &unit(k));
+                                let own = [(k, along), (3 + k, by)];
+                                for (k, moved) in own {
+                                    self.add_column(
+                                        closure,
+                                        knock.source(k),
+                                        &moved,
+                                        &at,
+                                        sign,
+                                        want,
+                                        ws,
+                                    );
+                                }
+                            }
                         }
                     }
                     End::Coordinate(channel) => {
@@ -640,6 +678,19 @@ impl Model {
         }
     }
 
+    /// The rotation of the frame in which an instrument measures, row by row.
+    #[inline(always)]
+    fn axes_of(&self, frame: &Measured, group: usize, beta: &[f64]) -> [f64; 9] {
+        match frame {
+            Measured::Base => [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            Measured::Known(rotation, _) => *rotation,
+            Measured::Unknown(number) => {
+                let first = self.unknown_first(*number, group);
+                turned(&beta[first + 3..first + 6])
+            }
+        }
+    }
+
     #[inline(always)]
     pub(crate) fn end_point(
         &self,
@@ -650,7 +701,9 @@ impl Model {
         ws: &Workspace,
     ) -> Vec3 {
         match end {
-            End::Carried(chain, at) => ws.postures[*chain].tip.point(at),
+            End::Carried(chain, at, moved_by) => {
+                ws.postures[*chain].tip.point(&moved_along(at, *moved_by, beta))
+            }
             End::Fixed(at) => at.map(Lanes::splat),
             End::Unknown(number, at, free) => {
                 let mut point = at.map(Lanes::splat);
@@ -664,8 +717,17 @@ impl Model {
                 point
             }
             End::Posed(number) => self.posed.place(*number, &ws.xi, beta),
-            End::Seen(columns, frame) => {
-                let point = [seen[columns[0]], seen[columns[1]], seen[columns[2]]];
+            End::Seen(columns, frame, [from, to]) => {
+                let read = [seen[columns[0]], seen[columns[1]], seen[columns[2]]];
+                let mut point = read;
+                for knock in &self.knocks[*from..*to] {
+                    let acts = knock.gate.map_or(Lanes::ONE, |gate| ws.gates[gate]);
+                    let there = knock.turned(&read, beta);
+                    for (axis, at) in point.iter_mut().enumerate() {
+                        let along = Lanes::splat(beta[knock.first + axis]);
+                        *at += acts * (there[axis] - read[axis] + along);
+                    }
+                }
                 match frame {
                     Measured::Base => point,
                     Measured::Known(rotation, origin) => moved(rotation, origin, &point),
@@ -816,15 +878,19 @@ impl Model {
     /// Positions of the mechanism's points in one block, in base coordinates, one per point; `None`
     /// for an unknown point.
     ///
-    /// `ws` comes from [`Model::evaluate`].
+    /// `ws` comes from [`Model::evaluate`] with these parameters.
     #[must_use]
-    pub fn points(&self, ws: &Workspace) -> Vec<Option<Vec3>> {
-        self.mechanism
-            .points
-            .iter()
-            .map(|point| match (&point.chain, point.at) {
+    pub fn points(&self, ws: &Workspace, beta: &[f64]) -> Vec<Option<Vec3>> {
+        let moved_by = |number: usize| {
+            let own = self.attached.iter().find(|(point, _)| *point == number);
+            own.map(|(_, first)| *first)
+        };
+        let points = self.mechanism.points.iter().enumerate();
+        points
+            .map(|(number, point)| match (&point.chain, point.at) {
                 (Some(chain), Some(at)) => {
                     let chain = self.mechanism.chain_index(chain).ok()?;
+                    let at = moved_along(&at, moved_by(number), beta);
                     Some(ws.postures[chain].tip.point(&at))
                 }
                 (None, Some(at)) => Some(at.map(Lanes::splat)),
@@ -840,4 +906,14 @@ impl Model {
     pub fn slopes<'a>(&self, ws: &'a Workspace) -> &'a [Lanes] {
         &ws.slopes
     }
+}
+
+/// A position that three parameters move along the axes of its frame.
+#[inline(always)]
+fn moved_along(at: &[f64; 3], moved_by: Option<usize>, beta: &[f64]) -> [f64; 3] {
+    let mut at = *at;
+    if let Some(first) = moved_by {
+        at.iter_mut().zip(&beta[first..first + 3]).for_each(|(at, by)| *at += by);
+    }
+    at
 }

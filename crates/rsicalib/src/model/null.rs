@@ -72,7 +72,7 @@ impl Model {
     /// a point is that is known in part.
     fn tells_of_places(&self, closure: usize) -> bool {
         self.closures[closure].ends.iter().any(|end| match end {
-            End::Posed(_) | End::Seen(_, Measured::Unknown(_)) => true,
+            End::Posed(_) | End::Seen(_, Measured::Unknown(_), _) => true,
             End::Unknown(.., free) => free.contains(&false),
             _ => false,
         })

@@ -215,7 +215,7 @@ impl Model {
                             let own = &mut touched[self.owned[point].numbers[meta.group]];
                             own.places.extend(there.into_iter().filter(is_told));
                         }
-                        End::Seen(columns, Measured::Unknown(frame)) => {
+                        End::Seen(columns, Measured::Unknown(frame), _) => {
                             let own = &mut touched[self.owned[frame].numbers[meta.group]];
                             let seen = lanes(&columns.map(|column| seen[column]));
                             let told = seen.into_iter().zip(there).filter(|(_, at)| is_told(at));
@@ -318,7 +318,7 @@ impl Model {
 
 /// True for an end that is nothing unknown.
 fn is_known(end: &End) -> bool {
-    !matches!(end, End::Unknown(..) | End::Seen(_, Measured::Unknown(_)))
+    !matches!(end, End::Unknown(..) | End::Seen(_, Measured::Unknown(_), _))
 }
 
 /// True for a place that readings and terms tell.

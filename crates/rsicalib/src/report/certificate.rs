@@ -233,7 +233,7 @@ fn applied(mechanism: &Mechanism, parts: &dyn Parts) -> Result<Applied, Error> {
         parameters: valued(parts).into_iter().map(reported).collect(),
         reference: reference.clone(),
         sigma: channels.filter_map(|c| Some(sigma(&c.name)?.1)).collect(),
-        declared: noise.kind == Some(Source::Declared),
+        declared: noise.kind.is_some_and(Source::is_declared),
         closures: noise.closures.0.clone(),
         own: false,
     })

@@ -302,7 +302,7 @@ impl From<&Estimates> for Applied {
             reference: found.reference.clone(),
             sigma: found.noise.sigma.0.iter().map(|(_, sigma)| *sigma).collect(),
             closures: found.noise.closures.0.clone(),
-            declared: found.noise.kind == Some(Source::Declared),
+            declared: found.noise.kind.is_some_and(Source::is_declared),
             own: false,
         }
     }

@@ -253,8 +253,9 @@ fn of_suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> Warned {
     let (kind, target) = match suspicion {
         Suspicion::Reversed { channels: of, .. } => (Kind::Reversed, channels(of)),
         Suspicion::EitherReversed { channels: of, .. } => (Kind::EitherReversed, channels(of)),
-        Suspicion::Exchanged { channels: of, .. } => (Kind::Exchanged, channels(of)),
-        Suspicion::Unlike { channels: of, .. } => (Kind::Exchanged, channels(&of[0])),
+        Suspicion::Exchanged { channels: of, .. } | Suspicion::Unlike { channels: of, .. } => {
+            (Kind::Exchanged, channels(&of[0]))
+        }
         Suspicion::Gap { channel, .. } => (Kind::Gap, channels(&[*channel])),
         Suspicion::Stuck { channel, .. } => (Kind::Stuck, channels(&[*channel])),
         Suspicion::SameReadings { .. } => (Kind::SameReadings, None),

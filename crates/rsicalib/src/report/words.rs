@@ -42,6 +42,7 @@ pub fn noise(estimate: &NoiseEstimate) -> String {
 fn source(source: Source) -> &'static str {
     match source {
         Source::Declared => "declared",
+        Source::Presumed => "presumed: play alone is declared",
         Source::Repeats => "misclosure of repeats",
         Source::Neighbours => "misclosure of neighbouring rows",
         Source::Quantisation => "quantisation",
@@ -168,6 +169,10 @@ pub fn misread(misread: Misread, length_unit: &str) -> String {
 #[must_use]
 pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
     let name = |c: usize| mechanism.channels[c].name.as_str();
+    let pairs = |of: &[[usize; 2]]| {
+        let two = of.iter().map(|[a, b]| format!("{} and {}", name(*a), name(*b)));
+        two.collect::<Vec<_>>().join(", or ")
+    };
     match suspicion {
         Suspicion::Reversed { channels, closes } => {
             let names: Vec<&str> = channels.iter().map(|&c| name(c)).collect();
@@ -191,13 +196,12 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 loop_closes(*closes),
             )
         }
-        Suspicion::Exchanged { channels: [a, b], closes, late } => {
-            let follow = [a, b].iter().all(|c| mechanism.leader_of(**c).is_some());
+        Suspicion::Exchanged { channels, closes, late } => {
+            let follow = channels.iter().flatten().all(|c| mechanism.leader_of(*c).is_some());
             format!(
-                "{} and {}{} look exchanged: with their readings swapped{} {}; check the wiring, or the \
+                "{}{} look exchanged: with their readings swapped{} {}; check the wiring, or the \
              names of the columns",
-                name(*a),
-                name(*b),
+                pairs(channels),
                 if follow { ", or their leaders," } else { "" },
                 if *late { ", beside a delay of all followers," } else { "" },
                 loop_closes(*closes)
@@ -206,13 +210,12 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
         Suspicion::Unlike { channels, off, with } => {
             let unit = &mechanism.length_unit;
             let [off, with] = [off, with].map(|rms| significant(*rms, 2));
-            let two = channels.iter().map(|[a, b]| format!("{} and {}", name(*a), name(*b)));
             format!(
                 "{} look exchanged: the loops close with any names, but the anchors that are found are \
                  not shaped as drawn. Distances between them differ from the drawing by {off} {unit} rms, \
                  and by {with} {unit} with two of them exchanged; check the wiring, the names of the \
                  columns, or the places of the points",
-                two.collect::<Vec<_>>().join(", or ")
+                pairs(channels)
             )
         }
         Suspicion::Gap { channel, shown, rows, of, closes } => {

@@ -213,7 +213,7 @@ pub fn set_apart(observations: &mut Observations, fit: &Fit, faults: &[Fault]) -
 #[must_use]
 pub fn seen_by(before: &Fit, fit: Fit) -> Fit {
     let (source, dof) = match fit.noise.source {
-        Source::Declared => (before.noise.source, before.noise.dof),
+        Source::Declared | Source::Presumed => (before.noise.source, before.noise.dof),
         source => (source, fit.noise.dof),
     };
     Fit { noise: NoiseEstimate { source, dof, ..fit.noise.clone() }, ..fit }

@@ -4,11 +4,12 @@ use crate::mechanism::{Mechanism, Target};
 use crate::terms::term::{Acts, Term};
 
 term! {
-    /// A joint of a moving body that sits elsewhere than drawn.
+    /// A joint or a mark of a rigid body that sits elsewhere than drawn.
     ///
-    /// Moves the end of a distance that is a point of a body by `x`, `y`, `z` along the axes of this body: a
-    /// joint of a hexapod's plate, an eye of the load of a cable robot. A point at which several distances
-    /// end moves for all of them, and has the name of the first.
+    /// Moves the end of a closure that is one of several points of a moving body, or of what a chain carries,
+    /// by `x`, `y`, `z` along the axes of this body: a joint of a hexapod's plate, an eye of the load of a
+    /// cable robot, a reflector that a tracker measures. A point at which several closures end moves for all
+    /// of them, and has the name of the first.
     AttachmentPosition("attachment_position", Closure, per Closure, needs Nothing) {
         x: "length" ~ 2.5e-3,
         y: "length" ~ 2.5e-3,

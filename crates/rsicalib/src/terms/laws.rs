@@ -46,6 +46,7 @@ pub fn says_what_it_is(term: &dyn Term) {
         }
         Acts::Load(_) => assert_eq!((info.class, info.parameters.len()), (Class::Load, 1)),
         Acts::Surface(_) => assert_eq!(info.class, Class::Closure),
+        Acts::Instrument => assert_eq!((info.class, info.parameters.len()), (Class::Closure, 6)),
         Acts::End | Acts::Attachment => {
             assert_eq!((info.class, info.parameters.len()), (Class::Closure, 3));
         }
@@ -229,7 +230,11 @@ fn devices_for(term: &dyn Term) -> Vec<Device> {
     };
     devices.retain(has);
     if devices.is_empty() {
-        devices.extend([pair(how, 3), plate(how, 5)].into_iter().filter(has));
+        devices.extend(
+            [pair(how, 3), plate(how, 5), devices::plate::watched_plate(how, 6)]
+                .into_iter()
+                .filter(has),
+        );
     }
     if devices.is_empty() {
         // Not every drawing has a row that a body of `xyz` and `rpy` turns far enough.

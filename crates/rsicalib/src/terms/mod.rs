@@ -115,6 +115,7 @@ mod distance_growth;
 mod distance_slip;
 mod drag;
 mod drift;
+mod frame_slip;
 mod free_curve;
 mod gain;
 mod gear_play;
@@ -202,4 +203,5 @@ registry! {
     anchor_position::AnchorPosition,
     attachment_position::AttachmentPosition,
     point_slip::PointSlip,
+    frame_slip::FrameSlip,
 }

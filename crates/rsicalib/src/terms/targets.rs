@@ -27,7 +27,7 @@ pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
             chains.chain([Target::All]).collect()
         }
         Per::Closure => (0..mechanism.closures.len())
-            .filter(|&c| has_places(term) || mechanism.closures[c].kind.has_value())
+            .filter(|&c| of_ends(term) || mechanism.closures[c].kind.has_value())
             .map(Target::Closure)
             .collect(),
         Per::Row => mechanism
@@ -69,6 +69,11 @@ pub fn targets_in(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -
 #[must_use]
 pub fn has_places(term: &dyn Term) -> bool {
     matches!(term.acts(), Acts::Surface(_) | Acts::End)
+}
+
+/// True for a term that acts at ends of closures: those need no value.
+fn of_ends(term: &dyn Term) -> bool {
+    has_places(term) || matches!(term.acts(), Acts::Attachment | Acts::Instrument)
 }
 
 /// The unknown places that a closure touches in these readings; of a closure between two unknown

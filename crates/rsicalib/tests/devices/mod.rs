@@ -454,7 +454,7 @@ fn places(mechanism: &Mechanism, q: &[f64]) -> Vec<[f64; 3]> {
     let mut ws = Workspace::default();
     let bare = Want { x: false, a: false };
     model.evaluate(&readings, 0, readings.raw(0), &[0.0; 3], bare, &mut ws);
-    let points = model.points(&ws).into_iter();
+    let points = model.points(&ws, &[0.0; 3]).into_iter();
     points.map(|p| p.map_or([0.0; 3], |p| p.map(|x| x.0[0]))).collect()
 }
 

@@ -23,7 +23,10 @@ const EQUATIONS: usize = 3;
 /// True for terms of a body that moved once.
 fn moves_once(term: &dyn Term) -> bool {
     term.placed() == Placed::AtPose
-        && matches!(term.acts(), Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) | Acts::End)
+        && matches!(
+            term.acts(),
+            Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) | Acts::End | Acts::Instrument
+        )
 }
 
 /// False where a move changes no reading, or would pass for another: a point that closes a loop is

@@ -12,7 +12,7 @@ pub mod answers;
 mod beam;
 pub(crate) mod known;
 mod moves;
-mod noise;
+pub mod noise;
 mod orders;
 pub mod outcome;
 pub mod rivals;

@@ -116,6 +116,21 @@ impl Shown {
     }
 }
 
+/// Factors of the variance of noise that are tried for [`scatter`]: of (75) only the largest matters, and
+/// between two that are a factor of 1.5 apart the likelihood hardly changes.
+const SCATTER: i32 = 60;
+
+/// Twice the logarithm of how much likelier the residual becomes by (75), with the variance of these channels
+/// between poses that makes the residual likeliest.
+pub fn scatter(observations: &Observations, fit: &Fit, channels: &[usize]) -> f64 {
+    let axes = axes(observations, fit, channels);
+    let usual = axes.iter().map(|axis| axis.square).sum::<f64>() / axes.len().max(1) as f64;
+    // From a hundredth of the noise on.
+    let variances = (0..SCATTER).map(|k| 0.01 * 1.5_f64.powi(k) / usual);
+    let each = variances.filter_map(|v| ratio(&axes, v).map(|(volume, fall)| fall - volume));
+    each.fold(0.0, f64::max)
+}
+
 /// `Σ ln det(1 + v B)` and `Σ rᵀ (1 - (1 + v B)⁻¹) r`; none where that is no covariance.
 fn ratio(axes: &[Axis], variance: f64) -> Option<(f64, f64)> {
     let (mut volume, mut fall) = (0.0, 0.0);

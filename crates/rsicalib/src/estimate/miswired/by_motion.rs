@@ -41,7 +41,7 @@ pub(crate) fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspicion> 
     let declared = late.left(None, late.declared()?)?.min(best);
     let closes = Closes { with, declared };
     (with < declared / DECISIVE).then_some(Suspicion::Exchanged {
-        channels: wires,
+        channels: vec![wires],
         closes,
         late: true,
     })

@@ -95,10 +95,16 @@ impl Mistake {
     }
 
     /// What is said where one of some was made, each of which closes the loop as well: of one what is said of it, of
-    /// reversals that it is one of them, and nothing of others.
+    /// reversals, and of exchanges, that it is one of them, and nothing of others.
     pub(super) fn either(of: &[Self], closes: Closes) -> Option<Suspicion> {
         if let [one] = of {
             return Some(one.suspicion(closes));
+        }
+        let exchanged = |it: &Self| if let Self::Exchanged(pair) = it { Some(*pair) } else { None };
+        if let Some(channels) = of.iter().map(exchanged).collect::<Option<Vec<_>>>()
+            && !channels.is_empty()
+        {
+            return Some(Suspicion::Exchanged { channels, closes, late: false });
         }
         let reversed = |it: &Self| if let Self::Reversed(c) = it { Some(*c) } else { None };
         let mut channels = of.iter().map(reversed).collect::<Option<Vec<usize>>>()?;
@@ -114,7 +120,7 @@ impl Mistake {
         };
         match self {
             Self::Exchanged(channels) => {
-                Suspicion::Exchanged { channels: *channels, closes, late: false }
+                Suspicion::Exchanged { channels: vec![*channels], closes, late: false }
             }
             Self::Reversed(channel) => Suspicion::Reversed { channels: vec![*channel], closes },
             Self::Readings { channels, times } => degrees(channels, Scaled::Readings, *times),
@@ -133,4 +139,23 @@ fn turning(mechanism: &Mechanism, holds: impl Fn(&usize) -> bool) -> Vec<usize> 
 fn in_other_unit(channels: &[usize]) -> impl Iterator<Item = f64> + use<> {
     let any = !channels.is_empty();
     OTHER_UNIT.into_iter().filter(move |_| any)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Mistake::{Exchanged, Reversed};
+    use super::{Closes, Mistake, Suspicion};
+
+    #[test]
+    fn of_mistakes_of_one_kind_that_close_alike_each_is_said() {
+        let closes = Closes { with: 1.0, declared: 900.0 };
+        let said = |of: &[Mistake]| Mistake::either(of, closes);
+        let exchanged =
+            Suspicion::Exchanged { channels: vec![[0, 1], [2, 3]], closes, late: false };
+        assert_eq!(said(&[Exchanged([0, 1]), Exchanged([2, 3])]), Some(exchanged));
+        let reversed = Suspicion::EitherReversed { channels: vec![1, 4], closes };
+        assert_eq!(said(&[Reversed(4), Reversed(1)]), Some(reversed));
+        assert_eq!(said(&[Reversed(4), Exchanged([0, 1])]), None);
+        assert_eq!(said(&[]), None);
+    }
 }

@@ -20,6 +20,9 @@ use crate::numerics::distributions;
 pub enum Source {
     /// Declared by the user or the mechanism.
     Declared,
+    /// Declared of the closures, whose play is the larger part; of readings nobody spoke, and a small noise is
+    /// presumed.
+    Presumed,
     /// Scatter of the misclosure within held poses.
     Repeats,
     /// Scatter of the misclosure about neighbouring rows of a recording.
@@ -35,6 +38,12 @@ impl Source {
     #[must_use]
     pub fn independent(self) -> bool {
         self != Self::Fit
+    }
+
+    /// True where it was declared, or presumed beside what was.
+    #[must_use]
+    pub fn is_declared(self) -> bool {
+        matches!(self, Self::Declared | Self::Presumed)
     }
 }
 
@@ -468,8 +477,8 @@ pub(crate) fn estimate_noise(
         // Readings that stand still in every pose: what is left of noise is the play.
         return scaled(least, Source::Declared, f64::INFINITY);
     }
-    if plays(observations) && residuals.readings_share < LARGER_PART {
-        return scaled(1.0, Source::Declared, f64::INFINITY);
+    if plays(observations) && residuals.readings_share < LARGER_PART && !observations.by_fit {
+        return scaled(1.0, Source::Presumed, f64::INFINITY);
     }
     let k = residuals.equations;
     let live: Vec<usize> =

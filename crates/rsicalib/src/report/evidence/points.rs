@@ -44,7 +44,7 @@ pub fn points(
             false => readings.raw(block).to_vec(),
         };
         model.evaluate(readings, block, &on_closures, beta, Want { x: false, a: false }, &mut ws);
-        let carried = model.points(&ws);
+        let carried = model.points(&ws, beta);
         let mut nodes: Vec<Vec3> = Vec::new();
         for (chain, posture) in ws.postures.iter().enumerate() {
             let joints = posture.levers.iter();

@@ -198,7 +198,7 @@ fn carried(model: &Model, readings: &Readings, beta: &[f64]) -> Vec<Vector3<f64>
     for (block, meta) in readings.blocks().iter().enumerate() {
         let want = Want { x: false, a: false };
         model.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
-        let points = model.points(&ws);
+        let points = model.points(&ws, beta);
         for (k, at) in own.iter().enumerate().filter_map(|(k, &p)| Some((k, points[p]?))) {
             for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
                 out[row * own.len() + k] = Vector3::from(at.map(|v| v.0[lane]));

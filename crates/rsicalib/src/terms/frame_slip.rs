@@ -1,0 +1,31 @@
+//! [`FrameSlip`].
+
+use crate::mechanism::{Mechanism, Target};
+use crate::terms::term::{Acts, Placed, Term};
+
+term! {
+    /// An instrument that was knocked once.
+    ///
+    /// Moves all points that it sees of a moving body by `x`, `y`, `z` along its own axes and by `rx`, `ry`, `rz`
+    /// about them, from one pose on: a tracker or a measuring machine beside a hexapod that somebody pushed. It
+    /// has the name of the first closure that ends at what the instrument sees. The p-value is corrected for the
+    /// number of poses.
+    FrameSlip("frame_slip", Closure, per Closure, needs Nothing) {
+        x: "length" ~ 0.01,
+        y: "length" ~ 0.01,
+        z: "length" ~ 0.01,
+        rx: "rad" ~ 0.01,
+        ry: "rad" ~ 0.01,
+        rz: "rad" ~ 0.01,
+    } acts Acts::Instrument
+}
+
+impl Term for FrameSlip {
+    fn placed(&self) -> Placed {
+        Placed::AtPose
+    }
+
+    fn suits_target(&self, mechanism: &Mechanism, target: Target) -> bool {
+        matches!(target, Target::Closure(closure) if mechanism.first_seen(closure))
+    }
+}
