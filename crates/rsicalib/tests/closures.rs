@@ -416,7 +416,7 @@ fn an_instrument_that_was_knocked_sees_marks_from_elsewhere_from_its_pose_on() {
     let own = |place| Instance { term, target: Target::Closure(look), place };
     // Two knocks, one after the other.
     let knocks =
-        [(9, [0.02, -0.03, 0.01, 4e-3, -3e-3, 5e-3]), (15, [0.01, 0.0, -0.02, 0.1, 0.2, -0.1])];
+        [(9, [0.02, -0.03, 0.01, 4e-3, -3e-3, 5e-3]), (15, [0.01, 0.015, -0.02, 0.1, 0.2, -0.1])];
     let instances = knocks.map(|(place, _)| own(place));
     let (model, beta) = device.model(&readings, &instances, &knocks.map(|(_, by)| by).concat());
     let stands = Vector3::from_row_slice(&INSTRUMENT[..3]);

@@ -36,6 +36,7 @@ use crate::model::{Instance, Model};
 use crate::screening::converter;
 use crate::screening::excluded::Excluded;
 use crate::screening::sound::{Kept, sound};
+use crate::terms::term::Placed;
 
 use crate::diagnosis::options::Rule;
 pub use crate::diagnosis::options::{LEVEL, SearchOptions};
@@ -154,12 +155,13 @@ pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Trac
     looked_for(&Observations { by_fit: true, ..observations.clone() }, search)
 }
 
-/// True where nothing was found, more is left than the noise allows that was presumed of readings, and neither a law
-/// nor anything that is at fault alone explains it better than more of this noise does.
+/// True where nothing was found but what happened once, more is left than the noise allows that was presumed of
+/// readings, and neither a law nor anything that is at fault alone explains it better than more of this noise does.
 fn is_undeclared_noise(traced: &Traced) -> bool {
     let alone = traced.isolated.as_ref().is_some_and(|it| !matches!(it.target, Target::Channel(_)));
     let law = traced.unknown.as_ref().map_or(0.0, |law| -law.behind);
-    let nothing = traced.found.is_empty() && !alone;
+    let once = |found: &Found| found.instance.term.placed() == Placed::AtPose;
+    let nothing = traced.found.iter().all(once) && !alone;
     nothing && leaves_more(&traced.after) && is_noise(&traced.small, &traced.last, law)
 }
 
