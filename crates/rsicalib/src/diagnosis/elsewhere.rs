@@ -7,7 +7,7 @@
 //! made again: where what it finds there makes the other half worse, only effects that both find are
 //! used. Parts of the workspace of a single placement cannot tell that a free shape is there at
 //! another, nor effects that may stand for another one, as errors of the arm for one of the surface that it
-//! touches, or leave something over: these are named alone.
+//! touches or of the instrument that sees it, or leave something over: these are named alone.
 //!
 //! What happened between two sessions, or in one alone, no half can tell: it is what it was found to be, beside
 //! what is judged.
@@ -148,9 +148,10 @@ pub fn elsewhere(
     Some((Elsewhere { kind, blocks, without, again, applied, without_each, unit }, applies))
 }
 
-/// True for an error of the arm where one of the surface that it touches fits as well.
+/// True for an error of the arm where one of the surface that it touches, or of the instrument that sees it, fits as
+/// well.
 fn in_tie_with_surface(found: &Found) -> bool {
-    let of_surface = |i: &Instance| matches!(i.term.acts(), Acts::Surface(_));
+    let of_surface = |i: &Instance| matches!(i.term.acts(), Acts::Surface(_) | Acts::Instrument);
     !of_surface(&found.instance) && found.also.iter().any(of_surface)
 }
 

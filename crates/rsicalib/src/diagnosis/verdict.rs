@@ -414,7 +414,7 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
 }
 
 /// Level of each of the two looks at known poses: at all of them, and at each.
-const KNOWN: f64 = LEVEL / 2.0;
+pub(crate) const KNOWN: f64 = LEVEL / 2.0;
 
 /// Standard deviations by which something must have changed for an update.
 const SURE: f64 = 3.0;

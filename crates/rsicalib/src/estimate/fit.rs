@@ -333,7 +333,8 @@ fn minimum(
             true => Cow::Borrowed(&residuals),
             false => contrasts(&groups, &residuals, (&noise.sigma, &measured)),
         };
-        let lengths = lengths_of(&model, &noise, &measured);
+        // What was judged by an earlier fit is not told apart again.
+        let lengths = if judged { Vec::new() } else { lengths_of(&model, &noise, &measured) };
         if declared && !judged && round + 1 < ROUNDS {
             let wanted = with_lengths(observations, &groups, &within, &noise, &lengths);
             if let Some(wanted) = wanted.filter(|wanted| !seated_alike(&model, wanted, &noise)) {

@@ -237,15 +237,28 @@ impl Mechanism {
         }
     }
 
-    /// Where the points are counted that an instrument sees at the end of a closure whose other end is on a moving
-    /// body: a frame, or the base.
+    /// True for a chain that nothing but its point at what stands closes: an arm at a ball bar, at a socket, or on a
+    /// table, which can leave it. Distances between what stands close nothing.
+    pub(crate) fn may_leave(&self) -> bool {
+        let carried =
+            |name: &String| self.points.iter().any(|p| p.name == *name && p.chain.is_some());
+        let closes = self.closures.iter().enumerate().filter(|(_, c)| !self.is_link(c));
+        let at_stand = |(k, c): (usize, &Closure)| match self.is_on_plane(k) || self.is_on_line(k) {
+            true => carried(&c.between[0]),
+            false => self.standing_end(k).is_some_and(|end| carried(&c.between[1 - end])),
+        };
+        self.chains.len() == 1 && self.platform.is_empty() && closes.into_iter().all(at_stand)
+    }
+
+    /// Where the points are counted that an instrument sees at the end of a closure whose other end moves, on a body
+    /// or a chain: a frame, or the base.
     fn seen_from(&self, closure: usize) -> Option<Option<&String>> {
         let own = &self.closures[closure];
         let named = |name: &String| self.points.iter().find(|point| point.name == *name);
         let standing = self.standing_end(closure)?;
         let seen = named(&own.between[standing]).filter(|point| point.columns.is_some())?;
-        self.body_of(named(&own.between[1 - standing])?)?;
-        Some(seen.frame.as_ref())
+        let other = named(&own.between[1 - standing])?;
+        (other.chain.is_some() || self.body_of(other).is_some()).then_some(seen.frame.as_ref())
     }
 
     /// True where one instrument sees what is at the ends of both closures.
@@ -254,12 +267,10 @@ impl Mechanism {
         own.is_some() && own == self.seen_from(other)
     }
 
-    /// True for the first closure at whose end an instrument sees a moving body that is held otherwise, too.
+    /// True for the first closure at whose end this instrument sees what moves.
     pub(crate) fn first_seen(&self, closure: usize) -> bool {
-        let others = || (0..self.closures.len()).filter(|&k| !self.is_link(&self.closures[k]));
         self.seen_from(closure).is_some()
             && !(0..closure).any(|earlier| self.seen_alike(closure, earlier))
-            && others().any(|other| !self.seen_alike(closure, other))
     }
 
     /// The point at which a closure ends that is one of several of a rigid body, by its number: of a moving body, or

@@ -38,7 +38,7 @@ const OPEN_BY_CHANCE: f64 = 1e-6;
 stated! {
     /// By so many times misclosure does not differ between poses of a session and others: the arms by
     /// which a joint moves a closure differ by less.
-    fn times_open() -> f64 = 5.0;
+    pub(crate) fn times_open() -> f64 = 5.0;
 }
 
 /// How large the noise of a result is.

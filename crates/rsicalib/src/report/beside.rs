@@ -2,13 +2,14 @@
 
 use crate::Error;
 use crate::apply::accuracy::{PREDICTED, predicted};
+use crate::apply::check::Check;
 use crate::apply::earlier::{self, Applied, Reference, Reported};
 use crate::apply::groups::spread;
-use crate::diagnosis::verdict::{Compared, Determined};
+use crate::diagnosis::verdict::{Compared, Determined, KNOWN};
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
-use crate::monitor::closing::{OpenLoops, Scale, SomePoses, closing};
+use crate::monitor::closing::{OpenLoops, Scale, SomePoses, closing, times_open};
 use crate::readings::{Table, runs_of_poses};
 use crate::report::named::Named;
 use crate::report::result::{Estimates, FitReport, Known, parameters};
@@ -95,7 +96,8 @@ impl Beside {
     }
 
     /// Loops of the known poses that do not close under a fit, reported as `estimates`, as those of its session
-    /// do; none where they do, or where they cannot be looked at. What happened once, or depends on the way,
+    /// do; none where they do, where they cannot be looked at, or where the arm is away from what it is held at. What
+    /// happened once, or depends on the way,
     /// may be otherwise at known poses that were read before or after.
     ///
     /// # Errors
@@ -106,6 +108,7 @@ impl Beside {
         determined: Determined,
         (observations, fit): (&Observations, &Fit),
         estimates: &Estimates,
+        check: Option<Check>,
     ) -> Result<Option<OpenLoops>, Error> {
         let known = beside.and_then(|beside| beside.known.as_ref());
         let known = known.filter(|known| known.closes && determined == Determined::Yes);
@@ -130,7 +133,8 @@ impl Beside {
         };
         let readings = SomePoses::of_table(table, mechanism.channels.len());
         let found = closing(mechanism, &applied, Some(&covariance), readings, scale)?;
-        Ok(found.and_then(|found| found.open(estimates.misclosure.whole())))
+        let open = found.and_then(|found| found.open(estimates.misclosure.whole()));
+        Ok(open.filter(|open| !is_away(mechanism, open, check)))
     }
 
     /// How well groups are repeated under a fit, and under the one before effects were traced; none
@@ -237,4 +241,14 @@ fn applied(observations: &Observations, fit: &Fit, own: bool) -> Applied {
         declared: fit.noise.source == Source::Declared,
         own,
     }
+}
+
+/// True where an arm that can leave what it is held at is where it should be, by known places, and open by many times
+/// more than it is off there: known poses in free space.
+fn is_away(mechanism: &Mechanism, open: &OpenLoops, check: Option<Check>) -> bool {
+    let right = |check: &Check| check.predicted.is_some_and(|expected| expected.p_value > KNOWN);
+    mechanism.may_leave()
+        && check
+            .filter(right)
+            .is_some_and(|it| open.rms_misclosure > times_open() * it.position_rms)
 }

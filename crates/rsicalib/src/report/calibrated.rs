@@ -116,7 +116,8 @@ pub fn of(
     let groups = beside.map(|beside| beside.groups((used, fit), None)).transpose()?.flatten();
     let mut estimates = estimates(used, fit, &directions);
     let determined = Determined::of(fit, &directions);
-    let open_loops = Beside::open_loops(beside, determined, (used, fit), &estimates)?;
+    let open_loops =
+        Beside::open_loops(beside, determined, (used, fit), &estimates, quality.checked())?;
     let Judgement { verdict, reasons } = verdict::judge(&Evidence {
         determined,
         absurd: !absurd.is_empty(),

@@ -418,7 +418,7 @@ pub fn traced(
     let determined = directions.beside(&traced.observations, &found);
     let determined = Determined::of(&traced.after, &determined);
     let last = (&traced.observations, &applied);
-    let open_loops = Beside::open_loops(beside, determined, last, &estimates)?;
+    let open_loops = Beside::open_loops(beside, determined, last, &estimates, after.checked())?;
     let [groups_declared, groups_before] =
         groups.as_ref().map(GroupsReport::compared).unwrap_or_default();
     let Judgement { verdict, reasons } = verdict::judge(&Evidence {

@@ -124,9 +124,13 @@ pub fn open_loops(
         Some(false) => " or they are of another device",
         _ => ", they are of another device, or the result's numbers were edited",
     };
+    let away = match mechanism.may_leave() {
+        true => ", unless the arm was away from what it was held at",
+        false => "",
+    };
     format!(
         "the loops of {source} do not close under this result: misclosure {}{}. Something has changed \
-         since{others}: identify again with --calibration, which says what has changed",
+         since{others}{away}: identify again with --calibration, which says what has changed",
         length(*rms_misclosure),
         as_own.unwrap_or_default(),
     )

@@ -6,10 +6,10 @@ use crate::terms::term::{Acts, Placed, Term};
 term! {
     /// An instrument that was knocked once.
     ///
-    /// Moves all points that it sees of a moving body by `x`, `y`, `z` along its own axes and by `rx`, `ry`, `rz`
-    /// about them, from one pose on: a tracker or a measuring machine beside a hexapod that somebody pushed. It
-    /// has the name of the first closure that ends at what the instrument sees. The p-value is corrected for the
-    /// number of poses.
+    /// Moves all points that it sees of what moves by `x`, `y`, `z` along its own axes and by `rx`, `ry`, `rz`
+    /// about them, from one pose on: a tracker or a measuring machine that somebody pushed. It has the name of
+    /// the first closure that ends at what the instrument sees. Of one arm alone it is told from a base that
+    /// moved by nothing (`base_slip`). The p-value is corrected for the number of poses.
     FrameSlip("frame_slip", Closure, per Closure, needs Nothing) {
         x: "length" ~ 0.01,
         y: "length" ~ 0.01,

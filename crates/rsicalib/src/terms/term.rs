@@ -339,7 +339,7 @@ pub enum Acts {
     Distance,
     /// Moves the end of a closure that stands, along the axes of the base.
     End,
-    /// Moves an instrument that sees a moving body, along and about its own axes.
+    /// Moves an instrument along and about its own axes.
     Instrument,
     /// Moves the point of a body at which a distance ends, along the axes of the body.
     Attachment,

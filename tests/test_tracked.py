@@ -1,0 +1,85 @@
+"""An arm before a tracker that stands anywhere, and is knocked once.
+
+The witness is the arm in plain matrix products (`tests/cone.py`), and numpy for the tracker.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import rsicalib
+from tests import cone
+from tests.full import sized
+from tests.oracle import Array
+
+SIGMA, SEEN = 2e-5, 0.02
+"""Noise of the encoders [rad] and of the tracker [mm]."""
+POSES, SAMPLES, KNOCKED = 48, 3, 30
+OFFSETS = cone.OFFSETS * (np.arange(6) > 0)
+"""The zero of the first joint is where the tracker says [rad]."""
+
+
+def drawn(noise: float | None) -> rsicalib.Mechanism:
+    asked = ", ".join(f'"offset@q{k}"' for k in range(2, 7))
+    text = cone.mechanism(noise, SEEN, f"[{asked}]")
+    seen = 'columns = ["x", "y", "z"]\nframe = "tracker"'
+    text = text.replace('unknown = ["at"]', seen)
+    return rsicalib.Mechanism.from_toml(text + '[[frame]]\nname = "tracker"\nunknown = []\n')
+
+
+def session(
+    seed: int, sigma: float, knocked: bool
+) -> tuple[dict[str, list[float]], dict[str, list[float]]]:
+    """Readings, and other postures with the places of the ball in the base."""
+    rng = np.random.default_rng(seed)
+    turns = np.array([1, 0.6, 0.8, 1.5, 1.5, 3])
+    q = np.array([0.4, -1.4, -1.6, -1.5, 1.5, 0.0]) + rng.uniform(-1, 1, (POSES + 20, 6)) * turns
+    stands = Rotation.random(random_state=seed)
+    read = stands.inv().apply(cone.tip(q) - [1500.0, -700.0, 400.0])
+    if knocked:
+        turned = Rotation.from_rotvec([2e-4, -3e-4, 1e-4])
+        read[KNOCKED:] = turned.inv().apply(read[KNOCKED:] - [0.1, -0.2, 0.15])
+
+    def table(rows: Array, places: Array, count: int) -> dict[str, list[float]]:
+        every = np.repeat(np.arange(len(rows)), count)
+        angles = rows[every] - OFFSETS + sigma * rng.standard_normal((len(every), 6))
+        columns = {"pose": every + 1.0, **{f"q{k + 1}": angles[:, k] for k in range(6)}}
+        columns |= {axis: places[every, i] for i, axis in enumerate("xyz")}
+        return {name: column.tolist() for name, column in columns.items()}
+
+    # The tracker sees each posture once, the encoders are read three times.
+    seen = read[:POSES] + SEEN * rng.standard_normal((POSES, 3))
+    return table(q[:POSES], seen, SAMPLES), table(q[POSES:], cone.tip(q[POSES:]), 1)
+
+
+@pytest.mark.parametrize("noise", [SIGMA, None])
+@pytest.mark.parametrize("seed", sized([1], list(range(8))))
+def test_a_knocked_tracker_is_named_and_the_arm_stays_where_it_is(
+    seed: int, noise: float | None
+) -> None:
+    """A base that moved fits exactly as well: it may be named beside, and is not applied."""
+    readings, known = session(seed, SIGMA, knocked=True)
+    mechanism = drawn(noise)
+    found = rsicalib.trace(readings, mechanism)
+    (step,) = found.steps
+    fits = {s.term for s in (step, *step.also_fits)}
+    assert "frame_slip" in fits and step.place == str(KNOCKED + 1), found.summary()
+    assert step.term == "frame_slip" or not step.applied
+    angles = {name: column for name, column in known.items() if name not in "xyz"}
+    truth = np.transpose([known[axis] for axis in "xyz"])
+
+    def error(result: rsicalib.Calibration | rsicalib.Trace) -> float:
+        places = rsicalib.forward(angles, calibration=result, mechanism=mechanism)
+        return float(np.sqrt(np.mean(np.square(places[:, :3] - truth))))
+
+    before = rsicalib.calibrate(readings, mechanism)
+    assert error(found) <= 1.05 * error(before)
+
+
+@pytest.mark.parametrize("noise", [SIGMA, None])
+@pytest.mark.parametrize("seed", sized([2], list(range(8))))
+def test_a_sound_arm_before_a_tracker_is_adequate(seed: int, noise: float | None) -> None:
+    readings, _ = session(seed, SIGMA, knocked=False)
+    assert rsicalib.trace(readings, drawn(noise)).verdict == "adequate"
