@@ -305,11 +305,10 @@ def test_a_table_that_nobody_declares_the_noise_of_judges_nothing() -> None:
 
 
 @pytest.mark.parametrize("seed", sized([60], list(range(60, 80))))
-@pytest.mark.parametrize("verb", [rsicalib.calibrate, rsicalib.trace])
-def test_noise_that_nobody_declares_beside_play_is_told_by_the_fit(verb: Any, seed: int) -> None:
+def test_noise_that_nobody_declares_beside_play_is_told_by_the_fit(seed: int) -> None:
     """Encoders are twenty times as noisy as is presumed: no effect, and nothing to judge one by."""
     taken = cone.session(seed, samples=1, sigma=2e-4)
-    found = verb(taken.table, mechanism(None, PLAY))
+    found = rsicalib.trace(taken.table, mechanism(None, PLAY))
     assert (found.verdict, found.excluded) == ("unjudged", ())
     assert found.noise is not None
     # 111 degrees of freedom: 7 %.

@@ -7,7 +7,6 @@
 use crate::Error;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::plausibility::absurdities;
-use crate::diagnosis::presumed::{is_noise, leaves_more};
 use crate::diagnosis::score::scored;
 use crate::diagnosis::trace::{looks_bad, trace};
 use crate::estimate::{Fit, Method, Observations, fit, with_groups};
@@ -39,16 +38,6 @@ const MOST_POSES: usize = 2000;
 ///
 /// As [`fit`].
 pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
-    let found = with_noise(observations)?;
-    let Calibrated { observations: used, fit, .. } = &found;
-    if used.is_long() || !leaves_more(fit) || !is_noise(used, fit, 0.0) {
-        return Ok(found);
-    }
-    with_noise(&Observations { by_fit: true, ..observations.clone() })
-}
-
-/// The calibration with the noise as it is known.
-fn with_noise(observations: &Observations) -> Result<Calibrated, Error> {
     let all = fit(observations, observations.instances()?, None)?;
     let usable = all.converged() && all.dof >= 1.0;
     if observations.options.method == Method::Algebraic || !usable {

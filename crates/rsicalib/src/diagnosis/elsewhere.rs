@@ -7,7 +7,8 @@
 //! made again: where what it finds there makes the other half worse, only effects that both find are
 //! used. Parts of the workspace of a single placement cannot tell that a free shape is there at
 //! another, nor effects that may stand for another one, as errors of the arm for one of the surface that it
-//! touches or of the instrument that sees it, or leave something over: these are named alone.
+//! touches or of the instrument that sees it, or leave something over, or without which
+//! the session is explained as well: these are named alone.
 //!
 //! What happened between two sessions, or in one alone, no half can tell: it is what it was found to be, beside
 //! what is judged.
@@ -117,7 +118,10 @@ pub fn elsewhere(
             let finds = |fit: &Fit| fit.model.instances.contains(effect);
             *again <= WORSE * without || found.iter().all(finds)
         }
-        None => understood && !effect.term.info().penalised && !traced.undone(one),
+        None => {
+            let shape = effect.term.info().penalised;
+            understood && !shape && !traced.undone(one) && !traced.as_well_without(one)
+        }
     };
     let mut applies: Vec<bool> =
         effects.iter().zip(found).zip(&given).map(|(one, given)| *given || may(one)).collect();

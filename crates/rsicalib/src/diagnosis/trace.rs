@@ -33,6 +33,7 @@ use crate::estimate::suspicion::Suspicion;
 use crate::estimate::{Fit, Observations, fit, with_conventions, with_groups};
 use crate::mechanism::Target;
 use crate::model::{Instance, Model};
+use crate::numerics::credible_set::AS_WELL;
 use crate::screening::converter;
 use crate::screening::excluded::Excluded;
 use crate::screening::sound::{Kept, sound};
@@ -120,6 +121,17 @@ impl Traced {
     #[must_use]
     pub fn undone(&self, effect: &Found) -> bool {
         self.unknown.as_ref().is_some_and(|law| law.undoes(&effect.instance))
+    }
+
+    /// True where an explanation by some of what was found, and without this effect, is about as likely.
+    #[must_use]
+    pub fn as_well_without(&self, effect: &Found) -> bool {
+        let likely = self.rivals.first().map_or(0.0, |best| best.chi2) + AS_WELL;
+        let others = |i: &Instance| {
+            *i != effect.instance && self.found.iter().any(|found| found.instance == *i)
+        };
+        let fewer = |it: &Explanation| it.noise.is_none() && it.effects.iter().all(others);
+        self.rivals.iter().any(|it| it.chi2 <= likely && fewer(it))
     }
 
     /// True where something is to be explained: effects were found, more than noise is left, or a law that
