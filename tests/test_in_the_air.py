@@ -5,7 +5,10 @@ The witness is the arm in plain matrix products (`tests/cone.py`).
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
+import pytest
 
 import rsicalib
 from tests import cone
@@ -47,3 +50,24 @@ def test_an_arm_that_has_changed_is_still_told_at_its_cone() -> None:
         cone.session(7).table, drawn(), check=table(bent, places, 8), check_point="ball"
     )
     assert found.reasons[0].kind == "open_loops", found.summary()
+
+
+def test_a_result_is_applied_in_free_space_without_a_word() -> None:
+    """Nobody says that these postures are at the cone, and they are far from it."""
+    q = MIDDLE + np.random.default_rng(9).uniform(-1, 1, (20, 6)) * TURNS
+    found = rsicalib.calibrate(cone.session(7).table, drawn())
+    angles = {k: v for k, v in table(q, cone.tip(q), 9).items() if k not in "xyz"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        places = rsicalib.forward(angles, calibration=found, mechanism=drawn())
+    # The offset of the first joint is known as well as the cone is: .02 mm at its distance.
+    assert np.abs(places[:, :3] - cone.tip(q)).max() < 0.5
+
+
+def test_a_result_of_another_arm_is_still_told_at_the_cone() -> None:
+    taken = cone.session(8, poses=20, samples=1)
+    found = rsicalib.calibrate(cone.session(7).table, drawn())
+    bent = table(taken.angles + [0, 0.009, 0, 0, 0, 0], np.zeros((20, 3)), 8)
+    angles = {k: v for k, v in bent.items() if k not in "xyz"}
+    with pytest.warns(rsicalib.OpenLoopsWarning, match="unless the arm was away"):
+        rsicalib.forward(angles, calibration=found, mechanism=drawn())

@@ -7,7 +7,7 @@ use pythonize::pythonize;
 use rsicalib::Error;
 use rsicalib::monitor::closing::{Closing, Scale, closing};
 use rsicalib::monitor::{Alarm, Monitor, MonitorOptions, Quiet};
-use rsicalib::report::words;
+use rsicalib::report::{beside::has_left, words};
 
 use crate::apply::PyApplied;
 use crate::error::PyError;
@@ -141,6 +141,9 @@ pub fn open_loops(
     let found = closed(py, mechanism, applied, table, covariance, scale)?;
     let Some(found) = found else { return Ok(None) };
     if let Some(open) = found.open(own) {
+        if has_left(&mechanism.0, &open) {
+            return Ok(None);
+        }
         let text = words::open_loops(&mechanism.0, source, &open, edited);
         return Ok(Some((open.rms_misclosure, open.own, open.p_value, text)));
     }

@@ -87,6 +87,11 @@ pub fn absurdities(observations: &Observations, fit: &Fit, found: &[Instance]) -
     noisy.chain(open).chain(effects).collect()
 }
 
+/// True for a misclosure that is no error of a drawing.
+pub(crate) fn is_open(mechanism: &Mechanism, rms: f64) -> bool {
+    rms > largest_misclosure() * smallest_length(mechanism)
+}
+
 /// True where the misclosure is what the declared noise leaves, or a few times as much: coarse sensors
 /// beside a short link. Gains that have grown would make any noise leave it.
 fn is_declared(fit: &Fit) -> bool {

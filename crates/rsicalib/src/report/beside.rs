@@ -5,6 +5,7 @@ use crate::apply::accuracy::{PREDICTED, predicted};
 use crate::apply::check::Check;
 use crate::apply::earlier::{self, Applied, Reference, Reported};
 use crate::apply::groups::spread;
+use crate::diagnosis::plausibility::is_open;
 use crate::diagnosis::verdict::{Compared, Determined, KNOWN};
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations};
@@ -241,6 +242,19 @@ fn applied(observations: &Observations, fit: &Fit, own: bool) -> Applied {
         declared: fit.noise.source == Source::Declared,
         own,
     }
+}
+
+/// True where an arm is so far from closed that it has left what it is held at: one that keeps three motions there,
+/// and so can have its point anywhere about. Of linkages, which keep fewer, loops that stay open by as much tell
+/// that they are others.
+#[doc(hidden)]
+#[must_use]
+pub fn has_left(mechanism: &Mechanism, open: &OpenLoops) -> bool {
+    let joints = mechanism.chains.iter().flat_map(|chain| &chain.rows);
+    let joints = joints.filter(|row| row.channel.is_some()).count();
+    mechanism.may_leave()
+        && joints >= mechanism.equations() + 3
+        && is_open(mechanism, open.rms_misclosure)
 }
 
 /// True where an arm that can leave what it is held at is where it should be, by known places, and open by many times
