@@ -71,3 +71,16 @@ def test_a_result_of_another_arm_is_still_told_at_the_cone() -> None:
     angles = {k: v for k, v in bent.items() if k not in "xyz"}
     with pytest.warns(rsicalib.OpenLoopsWarning, match="unless the arm was away"):
         rsicalib.forward(angles, calibration=found, mechanism=drawn())
+
+
+def test_a_blank_key_says_that_nothing_is_touched() -> None:
+    """Of an unknown cone, with the column that names it."""
+    mechanism = rsicalib.Mechanism.from_toml(cone.mechanism(SIGMA, PLAY))
+    found = rsicalib.calibrate(cone.session(7).table, mechanism)
+    q = MIDDLE + np.random.default_rng(9).uniform(-1, 1, (20, 6)) * TURNS
+    angles = {k: v for k, v in table(q, cone.tip(q), 9).items() if k not in "xyz"}
+    wanted = rsicalib.forward(angles, calibration=found, mechanism=mechanism)
+    blank = rsicalib.forward(
+        {**angles, "at": [""] * len(q)}, calibration=found, mechanism=mechanism
+    )
+    np.testing.assert_array_equal(blank, wanted)

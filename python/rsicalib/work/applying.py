@@ -68,9 +68,16 @@ def _of_open_chains(readings: Readings, mechanism: Mechanism) -> dict[str, Any]:
 
 
 def tell_closures(readings: Readings, mechanism: Mechanism) -> bool:
-    """Whether the rows of readings say what closures touch and measure."""
+    """Whether readings say what closures touch and measure, in each row of one at least."""
     keys, columns = {*mechanism.key_columns}, {*mechanism.value_columns}
-    return {*readings.keys} >= keys and {*readings.columns} >= columns
+    if not ({*readings.keys} >= keys and {*readings.columns} >= columns):
+        return False
+    closed = np.full(len(readings.pose), not mechanism.own_columns)
+    for own in mechanism.own_columns:
+        told = [np.array([*readings.keys[name]]) != "" for name in own if name in keys]
+        told += [~np.isnan(readings.columns[name]) for name in own if name in columns]
+        closed |= np.logical_and.reduce(told) if told else True
+    return bool(closed.all())
 
 
 def posed(
