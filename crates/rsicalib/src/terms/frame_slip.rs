@@ -8,8 +8,8 @@ term! {
     ///
     /// Moves all points that it sees of what moves by `x`, `y`, `z` along its own axes and by `rx`, `ry`, `rz`
     /// about them, from one pose on: a tracker or a measuring machine that somebody pushed. It has the name of
-    /// the first closure that ends at what the instrument sees. Of one arm alone it is told from a base that
-    /// moved by nothing (`base_slip`). The p-value is corrected for the number of poses.
+    /// the first closure that ends at what the instrument sees. Nothing tells it from the base of a
+    /// single arm that moved (`base_slip`). The p-value is corrected for the number of poses.
     FrameSlip("frame_slip", Closure, per Closure, needs Nothing) {
         x: "length" ~ 0.01,
         y: "length" ~ 0.01,
