@@ -7,7 +7,7 @@ use pythonize::pythonize;
 use rsicalib::Error;
 use rsicalib::monitor::closing::{Closing, Scale, closing};
 use rsicalib::monitor::{Alarm, Monitor, MonitorOptions, Quiet};
-use rsicalib::report::{beside::has_left, words};
+use rsicalib::report::{beside, words};
 
 use crate::apply::PyApplied;
 use crate::error::PyError;
@@ -140,10 +140,7 @@ pub fn open_loops(
     let scale = Scale { residual: scale, dof, correlation };
     let found = closed(py, mechanism, applied, table, covariance, scale)?;
     let Some(found) = found else { return Ok(None) };
-    if let Some(open) = found.open(own) {
-        if has_left(&mechanism.0, &open) {
-            return Ok(None);
-        }
+    if let Some(open) = beside::open_loops(&mechanism.0, &found, own, None) {
         let text = words::open_loops(&mechanism.0, source, &open, edited);
         return Ok(Some((open.rms_misclosure, open.own, open.p_value, text)));
     }

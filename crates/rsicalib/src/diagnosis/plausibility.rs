@@ -81,7 +81,7 @@ pub fn absurdities(observations: &Observations, fit: &Fit, found: &[Instance]) -
     let measured = smallest_measured(observations, fit);
     let (rms, length) = (fit.rms_misclosure, smallest_length(mechanism).min(measured));
     // No noise of a length is as large as the length.
-    let open = (rms > largest_misclosure() * length && !is_declared(fit)) || rms > measured;
+    let open = (is_no_drawing_error(rms, length) && !is_declared(fit)) || rms > measured;
     let open = open.then_some(Absurdity::Misclosure { rms, length });
     let effects = found.iter().filter_map(|instance| oversized(fit, mechanism, instance));
     noisy.chain(open).chain(effects).collect()
@@ -89,7 +89,11 @@ pub fn absurdities(observations: &Observations, fit: &Fit, found: &[Instance]) -
 
 /// True for a misclosure that is no error of a drawing.
 pub(crate) fn is_open(mechanism: &Mechanism, rms: f64) -> bool {
-    rms > largest_misclosure() * smallest_length(mechanism)
+    is_no_drawing_error(rms, smallest_length(mechanism))
+}
+
+fn is_no_drawing_error(rms: f64, length: f64) -> bool {
+    rms > largest_misclosure() * length
 }
 
 /// True where the misclosure is what the declared noise leaves, or a few times as much: coarse sensors

@@ -24,6 +24,7 @@
 //! of that explains nothing that was asked for.
 
 use std::cmp::Ordering;
+use std::sync::LazyLock;
 
 /// Kinds of candidates, each with its prior.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -125,12 +126,15 @@ pub fn least_that_pays(k: f64, places: f64) -> f64 {
 /// where the parameters are normal with `g` times the covariance of their estimates.
 #[must_use]
 pub fn charge(k: f64, score: f64) -> f64 {
-    let of = |j: i32| {
-        let g = 4.0_f64.powi(j);
-        (k * g.ln_1p() - score * g / (1.0 + g), 1.0)
-    };
-    score + mean((0..amplitudes()).map(of))
+    let of = |&[volume, told]: &[f64; 2]| (k * volume - score * told, 1.0);
+    score + mean(AMPLITUDES.iter().map(of))
 }
+
+/// `ln(1 + g)` and `g/(1 + g)` of each amplitude: a search asks for prices by the hundred thousand.
+static AMPLITUDES: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
+    let of = |g: f64| [g.ln_1p(), g / (1.0 + g)];
+    (0..amplitudes()).map(|j| of(4.0_f64.powi(j))).collect()
+});
 
 /// Prices that differ by less are one: only rounding decides between them.
 const ALIKE: f64 = 1e-3;

@@ -10,7 +10,7 @@ use crate::diagnosis::verdict::{Compared, Determined, KNOWN};
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
-use crate::monitor::closing::{OpenLoops, Scale, SomePoses, closing, times_open};
+use crate::monitor::closing::{Closing, OpenLoops, Scale, SomePoses, closing, times_open};
 use crate::readings::{Table, runs_of_poses};
 use crate::report::named::Named;
 use crate::report::result::{Estimates, FitReport, Known, parameters};
@@ -134,8 +134,8 @@ impl Beside {
         };
         let readings = SomePoses::of_table(table, mechanism.channels.len());
         let found = closing(mechanism, &applied, Some(&covariance), readings, scale)?;
-        let open = found.and_then(|found| found.open(estimates.misclosure.whole()));
-        Ok(open.filter(|open| !is_away(mechanism, open, check)))
+        let own = estimates.misclosure.whole();
+        Ok(found.and_then(|found| open_loops(mechanism, &found, own, check)))
     }
 
     /// How well groups are repeated under a fit, and under the one before effects were traced; none
@@ -244,25 +244,37 @@ fn applied(observations: &Observations, fit: &Fit, own: bool) -> Applied {
     }
 }
 
-/// True where an arm is so far from closed that it has left what it is held at: one that keeps three motions there,
-/// and so can have its point anywhere about. Of linkages, which keep fewer, loops that stay open by as much tell
-/// that they are others.
+/// Loops that are open in readings that a result has not seen, beside the misclosure of its `own` session where it is
+/// known; none of an arm that has left what it is held at. `check`: how far known poses are from where the result has
+/// them.
 #[doc(hidden)]
 #[must_use]
-pub fn has_left(mechanism: &Mechanism, open: &OpenLoops) -> bool {
-    let joints = mechanism.chains.iter().flat_map(|chain| &chain.rows);
-    let joints = joints.filter(|row| row.channel.is_some()).count();
-    mechanism.may_leave()
-        && joints >= mechanism.equations() + 3
-        && is_open(mechanism, open.rms_misclosure)
+pub fn open_loops(
+    mechanism: &Mechanism,
+    found: &Closing,
+    own: Option<f64>,
+    check: Option<Check>,
+) -> Option<OpenLoops> {
+    let left = |open: &OpenLoops| {
+        mechanism.may_leave()
+            && match check {
+                Some(check) => is_away(open, &check),
+                None => is_far(mechanism, open),
+            }
+    };
+    found.open(own).filter(|open| !left(open))
 }
 
-/// True where an arm that can leave what it is held at is where it should be, by known places, and open by many times
-/// more than it is off there: known poses in free space.
-fn is_away(mechanism: &Mechanism, open: &OpenLoops, check: Option<Check>) -> bool {
-    let right = |check: &Check| check.predicted.is_some_and(|expected| expected.p_value > KNOWN);
-    mechanism.may_leave()
-        && check
-            .filter(right)
-            .is_some_and(|it| open.rms_misclosure > times_open() * it.position_rms)
+/// True where an arm is where it should be, by known poses, and open by many times more than it is off there.
+fn is_away(open: &OpenLoops, check: &Check) -> bool {
+    let right = check.predicted.is_some_and(|expected| expected.p_value > KNOWN);
+    right && open.rms_misclosure > times_open() * check.position_rms
+}
+
+/// True where an arm is far from closed that keeps three motions at what it is held at, and so can have its point
+/// anywhere about. Of linkages, which keep fewer, loops that stay open by as much tell that they are others.
+fn is_far(mechanism: &Mechanism, open: &OpenLoops) -> bool {
+    let joints = mechanism.chains.iter().flat_map(|chain| &chain.rows);
+    let joints = joints.filter(|row| row.channel.is_some()).count();
+    joints >= mechanism.equations() + 3 && is_open(mechanism, open.rms_misclosure)
 }
