@@ -11,6 +11,7 @@ import pytest
 
 import rsicalib
 from rsicalib import Readings
+from tests import crank
 from tests.full import sized
 
 STEPS = (2, 4, 8)
@@ -73,3 +74,30 @@ def test_a_wild_sample_of_a_quiet_sensor_is_left_out() -> None:
     wild = Readings.from_arrays(rsicalib.load_mechanism("rsi"), values, pose=made.readings.pose)
     found = rsicalib.calibrate(wild, rest=made.rest)
     assert [(e.pose, e.samples) for e in found.excluded] == [(int(made.readings.pose[83]), 1)]
+
+
+@pytest.mark.parametrize("seed", sized([1], range(8)))
+def test_round_positions_that_a_crank_was_sent_to_are_no_codes(seed: int) -> None:
+    """Some of the multiples of five degrees, once each: the loop closes to the declared noise."""
+    rng = np.random.default_rng(seed)
+    sent = np.deg2rad(5.0 * np.sort(rng.choice(72, 60, replace=False)))
+    sound = crank.read(sent, seed)
+    mechanism = crank.four_bar("offset")
+    found = rsicalib.calibrate(Readings.from_arrays(mechanism, sound), mechanism)
+    assert found.verdict == "adequate" and not found.warnings
+    bent = sound + [2e-3, 0.0] * np.sin(sent)[:, None]
+    traced = rsicalib.trace(Readings.from_arrays(mechanism, bent), mechanism)
+    named = [(step.term, step.target) for step in traced.steps]
+    assert (traced.verdict, named) == ("explained", [("once_per_turn", "crank")])
+
+
+def test_codes_that_leave_the_loop_open_are_codes() -> None:
+    """Seventy codes a turn, which its maker did not count as noise."""
+    rng = np.random.default_rng(5)
+    step = 2 * np.pi / 70
+    readings = crank.read(rng.uniform(0.0, 2 * np.pi, 200))
+    readings[:, 0] = step * np.round(readings[:, 0] / step)
+    mechanism = crank.four_bar("offset")
+    found = rsicalib.calibrate(Readings.from_arrays(mechanism, readings), mechanism)
+    assert "coarse" in {warning.kind for warning in found.warnings}
+    assert found.verdict != "unexplained"

@@ -314,3 +314,34 @@ def test_noise_that_nobody_declares_beside_play_is_told_by_the_fit(seed: int) ->
     # 111 degrees of freedom: 7 %.
     assert found.noise.kind == "fit"
     assert found.noise.sigma["q3"] == pytest.approx(2e-4, rel=0.3)
+
+
+def test_what_is_declared_as_known_is_held_against_the_readings() -> None:
+    """Offsets of ten milliradians that are declared to one, and cones 4 mm farther apart."""
+    taken = cone.session(91, samples=2)
+    tight = mechanism(SIGMA, PLAY).to_dict()
+    tight["model"]["sd"] = {"offset": 1e-3}
+    other = np.array([-380.0, 260.0, 160.0])
+    b = cone.session(92, samples=2, at="other", cone=other).table
+    b["pose"] = [float(pose) + 1000 for pose in b["pose"]]
+    both = {name: [*taken.table[name], *b[name]] for name in b}
+    ends = ["cone[at=cone]", "cone[at=other]"]
+    apart = float(np.linalg.norm(other - cone.CONE))
+    sessions = [(taken.table, tight, "q")]
+    for off, target in ((0.0, ""), (4.0, "bar")):
+        bar = {"name": "bar", "kind": "distance", "between": ends, "value": apart + off}
+        drawn = mechanism(SIGMA, PLAY).to_dict()
+        sessions.append((both, drawn | {"closure": [*drawn["closure"], bar]}, target))
+    for table, drawn, target in sessions:
+        found = rsicalib.calibrate(table, Mechanism.from_dict(drawn))
+        told = [w.target for w in found.warnings if w.kind == "knowledge"]
+        assert len(told) == (target != "")
+        assert all(str(name).startswith(target) for name in told)
+
+
+def test_an_arm_whose_lengths_may_all_be_zero_is_refused() -> None:
+    drawn = mechanism(SIGMA, PLAY).to_dict()
+    drawn["point"][0]["at"] = [0.0, 0.0, 0.0]
+    drawn["model"]["terms"] = ["offset", "link_length", "link_offset"]
+    with pytest.raises(rsicalib.InputError, match="may all be zero"):
+        rsicalib.calibrate(cone.session(93, samples=1).table, Mechanism.from_dict(drawn))

@@ -83,3 +83,18 @@ def test_a_knocked_tracker_is_named_and_the_arm_stays_where_it_is(
 def test_a_sound_arm_before_a_tracker_is_adequate(seed: int, noise: float | None) -> None:
     readings, _ = session(seed, SIGMA, knocked=False)
     assert rsicalib.trace(readings, drawn(noise)).verdict == "adequate"
+
+
+@pytest.mark.parametrize("seed", sized([3], range(8)))
+def test_an_effect_beside_noise_that_is_declared_too_small_is_applied(seed: int) -> None:
+    """What is left of encoders and a tracker that are a quarter noisier does not undo it."""
+    told, _ = session(seed, 1.25 * SIGMA, False)
+    rng = np.random.default_rng([seed, 2])
+    for axis in "xyz":
+        own = np.array(told[axis]) + 0.75 * SEEN * rng.standard_normal(POSES).repeat(SAMPLES)
+        told[axis] = own.tolist()
+    told["q3"] = (1.002 * np.array(told["q3"])).tolist()
+    found = rsicalib.trace(told, drawn(SIGMA))
+    (step,) = found.steps
+    assert (step.term, step.target, step.not_applied) == ("gain", "q3", None)
+    assert "noise" in {warning.kind for warning in found.warnings}

@@ -220,3 +220,15 @@ def test_poses_are_planned_where_the_body_has_been() -> None:
         # Postures of the session are within 60 mm of the middle, and turned by .52 rad at the most.
         assert np.abs(at.x[:3] - [0, 0, HIGH]).max() < 120
         assert np.linalg.norm(at.x[3:]) / 100 < 1.0
+
+
+def test_a_result_is_applied_where_no_instrument_sees_the_body() -> None:
+    """Legs alone tell where the body is, as in a file whose columns of the instrument are blank."""
+    drawn, readings, _ = session(TURNS["anyhow"], 6, 3)
+    found = rsicalib.calibrate(readings, drawn)
+    legs = {f"l{k}": readings.values[:, k] for k in range(6)}
+    blank = dict.fromkeys((f"{a}{k}" for k in range(3) for a in "xyz"), np.full(30, np.nan))
+    alone = rsicalib.forward(legs, drawn, found)
+    np.testing.assert_allclose(alone, rsicalib.forward(legs | blank, drawn, found), rtol=0)
+    with pytest.raises(rsicalib.InputError, match="l3"):
+        rsicalib.forward({k: v for k, v in legs.items() if k != "l3"}, drawn, found)

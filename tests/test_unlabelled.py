@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import rsicalib
+from tests import crank
 from tests.oracle import Array
 from tests.test_ratio import HOOKS, NOISE, PALLETISER, WIRE, mechanism, palletiser
 
@@ -94,3 +95,18 @@ def test_a_device_that_stands_still_is_read(reading: float) -> None:
     mechanism = rsicalib.load_mechanism("rsi")
     readings = rsicalib.Readings.from_arrays(mechanism, np.full((20, 9), reading))
     assert len(readings) == 20 and readings.repeats is None
+
+
+def test_an_encoder_that_begins_each_turn_anew_holds_no_pose() -> None:
+    """A recording of ten turns: between two jumps of the encoder the crank goes round."""
+    turned = np.linspace(0.0, 20.8 * np.pi, 3000)
+    readings = crank.read(turned) + [2e-3, 0.0] * np.sin(turned)[:, None]
+    wrapped = np.column_stack([np.mod(readings[:, 0], 2 * np.pi), readings[:, 1]])
+    mechanism = crank.four_bar("offset")
+    for values in (readings, wrapped):
+        columns = dict(zip(crank.OFFSETS, values.T, strict=True))
+        table = {"time_s": 0.01 * np.arange(len(turned)), **columns}
+        found = rsicalib.trace(table, mechanism)
+        named = [(step.term, step.target) for step in found.steps]
+        assert (found.verdict, named) == ("explained", [("once_per_turn", "crank")])
+        assert found.readings.poses == 3000 and not found.warnings

@@ -566,8 +566,9 @@ class Step(Effect, Record, repr=False):
     p_value: float | None
     """Probability by chance, corrected for the places looked at."""
     applied: bool = True
-    """False where the effect is named, and no part of `parameters`: it does not help elsewhere, or
-    a law that no term has is likelier in its place."""
+    """False where the effect is named, and no part of `parameters`."""
+    not_applied: str | None = field(default=None, metadata=IF_KNOWN)
+    """Why it is not applied."""
     chi2_rise: float | None = field(default=None, metadata=IF_KNOWN)
     """By how much χ² would rise without the term."""
     parameters: tuple[StepParameter, ...] = ()
@@ -619,6 +620,8 @@ class Elsewhere(Record):
     """Without each of `steps`, the others refitted."""
     unit: str
     """Unit of all of them."""
+    found: float | None = field(default=None, metadata=IF_KNOWN)
+    """With all effects that were found; null in a result of an earlier version."""
 
 
 class Rival(Together, Record, repr=False):

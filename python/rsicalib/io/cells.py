@@ -43,6 +43,10 @@ EXACT = 2.0**53
 """Beyond this not every integer is a float64, and two labels could become one."""
 
 
+ABSENT = "no such column"
+"""What is found where a column is missing."""
+
+
 class MechanismLike(Protocol):
     """What is asked of a mechanism."""
 
@@ -107,7 +111,7 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
         if name not in index:
             expected = f"a column '{name}' ({_role(name, mechanism)})"
             hint = _header_hint(name, table.names, used) + _by_import(name, table, mechanism)
-            raise refuse(name, "no such column", expected, hint)
+            raise refuse(name, ABSENT, expected, hint)
     poses = [name for name in POSE if name in index and name not in needed]
     missing = [name for name in POSE if name not in index]
     places = poses == [*"xyz"] and len(missing) == len("xyz")  # without an orientation

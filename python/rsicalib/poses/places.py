@@ -6,11 +6,15 @@ where no chain carries one, the points that are somewhere else in each pose: a s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
+from rsicalib.errors import InputError
+from rsicalib.io.cells import ABSENT
 from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
@@ -41,9 +45,38 @@ class Places:
 
 
 def readings_for(readings: ReadingsArg, mechanism: Mechanism, skip_bad_rows: bool) -> Readings:
-    """Load readings to be applied: carried points need no columns beside the channels."""
-    needed = Bare(mechanism) if _by_chains(mechanism) else mechanism
-    return load(readings, needed, skip_bad_rows)
+    """Load readings to be applied: no instrument needs to see them.
+
+    Carried points need no columns beside the channels.
+    """
+    if _by_chains(mechanism):
+        return load(readings, Bare(mechanism), skip_bad_rows)
+    try:
+        return load(readings, mechanism, skip_bad_rows)
+    except InputError as error:
+        where = error.where or {}
+        if where.get("found") != ABSENT or where.get("column") not in _seen(mechanism):
+            raise
+    found = load(readings, Unseen(mechanism), skip_bad_rows)
+    nothing = np.full(len(found.taken), np.nan)
+    return replace(found, columns={**found.columns, **dict.fromkeys(_seen(mechanism), nothing)})
+
+
+def _seen(mechanism: Mechanism) -> list[str]:
+    """Columns of points that an instrument sees."""
+    return [name for p in mechanism.to_dict().get("point", ()) for name in p.get("columns", ())]
+
+
+class Unseen(Bare):
+    """A mechanism that no instrument sees."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        super().__init__(mechanism)
+        seen = _seen(mechanism)
+        self.key_columns = mechanism.key_columns
+        self.distance_columns = mechanism.distance_columns
+        self.value_columns = [name for name in mechanism.value_columns if name not in seen]
+        self.own_columns = [own for own in mechanism.own_columns if not set(own) & set(seen)]
 
 
 def _by_chains(mechanism: Mechanism) -> bool:

@@ -409,7 +409,7 @@ def _found(result: TraceShape, evidence: Evidence | None) -> str:
     for k, step in enumerate(result.steps):
         parts.append(f"<h3>{whole(escape(f'{subject(step)}: {size_words(step)}'))}</h3>")
         parts.append(_said(_cost(step, result.length_unit)))
-        parts += [] if step.applied else [f"<p>{capital(not_applied(result))}.</p>"]
+        parts += [] if step.applied else [f"<p>{capital(not_applied(step))}.</p>"]
         parts.append(pictures(effect_figures(step, evidence, k)))
     if words := elsewhere_words(result):
         parts.append(_said(f"{capital(words)}."))

@@ -214,7 +214,7 @@ def _found(result: TraceShape, look: Look) -> list[str]:
             line += extra if look.whole or len(line) + len(extra) <= max(look.width, WIDTH) else ""
         lines += _cut(line, look)
         if not step.applied:
-            lines += _cut(f"            {not_applied(result)}", look)
+            lines += _cut(f"            {not_applied(step)}", look)
         if step.also_fits:
             names = [f"{name_of(n.term)} of {target_words('', n.target)}" for n in step.also_fits]
             shown = names if look.whole else names[:3]

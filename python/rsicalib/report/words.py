@@ -30,10 +30,15 @@ NO_TERM = {"unknown_law": "a law that no term has", "unknown_noise": "errors tha
 OPEN = ("unexplained", "partly_explained")
 """Verdicts whose advice describes what is left."""
 
-NO_HELP = "nothing shows that it holds at other places"
-LESS_LIKELY = (
-    "a law that no term has is likelier in its place, or as likely and of this session alone"
-)
+NOT_APPLIED = {
+    "no_help": "what was left out in turn is predicted no better with it",
+    "law": "a law that no term has is likelier in its place, or as likely and of one session",
+    "shape": "one placement does not tell a curve without a law for others",
+    "leaves": "something is left over, and one placement does not tell whether it holds at others",
+    "may_stand": "one placement does not tell it from an error of what is touched, or what sees it",
+    "as_well": "without it this one placement is explained about as well",
+}
+"""Why an effect is named, and no part of the parameters."""
 
 WORDS = {
     "sensor": "sensor {target}",
@@ -413,9 +418,10 @@ def _known(value: float | None) -> str | None:
     return number(value) if value is not None and math.isfinite(value) else None
 
 
-def not_applied(result: TraceShape) -> str:
-    """Why an effect is named, and no part of the parameters: `elsewhere` decides, if there."""
-    return f"not applied: {LESS_LIKELY if result.elsewhere is None else NO_HELP}"
+def not_applied(step: Step) -> str:
+    """Why an effect is named, and no part of the parameters."""
+    why = NOT_APPLIED.get(step.not_applied or "")
+    return f"not applied: {why}" if why else "not applied"
 
 
 def elsewhere_words(result: TraceShape) -> str:
@@ -425,13 +431,19 @@ def elsewhere_words(result: TraceShape) -> str:
         return ""
     groups = found.kind == "groups"
     what = "halves of the placements or sessions" if groups else "parts of the workspace"
-    again = ""
-    if found.again is not None:
-        again = f", {number(found.again, 3)} with what is found again without them"
-    return (
-        f"closures of {found.blocks} {what} that were left out in turn err by "
-        f"{number(found.applied, 3)} {found.unit} with what is applied, "
-        f"{number(found.without, 3)} without any effect{again}"
+    applied = [step.applied for step in result.steps]
+    errors = [(found.applied, "what is applied")] if any(applied) else []
+    if found.found is not None and not all(applied):
+        errors.append((found.found, "all that was found"))
+    with_effects = [f"{number(error, 3)} with {which}" for error, which in errors]
+    without = f"{number(found.without, 3)} {found.unit} without any effect"
+    again = (
+        []
+        if found.again is None
+        else [f"{number(found.again, 3)} with what is found again without them"]
+    )
+    return f"closures of {found.blocks} {what} that were left out in turn err by " + ", ".join(
+        [without, *with_effects, *again]
     )
 
 

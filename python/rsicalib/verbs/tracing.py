@@ -73,7 +73,7 @@ def trace(
     apply_all : bool
         Apply every effect that is found. Else one that does not help on placements, sessions or
         parts of the workspace that are left out, or in whose place a law that no term has is
-        likelier, is named, `step.applied` is False, and `parameters` are without it.
+        likelier, is named, `step.not_applied` says why, and `parameters` are without it.
     seed, starts, max_iterations, xtol, progress : optional
         As in `calibrate`.
 

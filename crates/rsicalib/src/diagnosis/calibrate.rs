@@ -8,6 +8,7 @@ use crate::Error;
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::scored;
+use crate::diagnosis::sent::closing_as_sent;
 use crate::diagnosis::trace::{looks_bad, trace};
 use crate::estimate::{Fit, Method, Observations, fit, with_groups};
 use crate::model::Instance;
@@ -38,6 +39,8 @@ const MOST_POSES: usize = 2000;
 ///
 /// As [`fit`].
 pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
+    let sent = closing_as_sent(observations)?;
+    let observations = sent.as_ref().unwrap_or(observations);
     let all = fit(observations, observations.instances()?, None)?;
     let usable = all.converged() && all.dof >= 1.0;
     if observations.options.method == Method::Algebraic || !usable {

@@ -7,13 +7,13 @@
 //! made again: where what it finds there makes the other half worse, only effects that both find are
 //! used. Parts of the workspace of a single placement cannot tell that a free shape is there at
 //! another, nor effects that may stand for another one, as errors of the arm for one of the surface that it
-//! touches or of the instrument that sees it, or leave something over, or without which
-//! the session is explained as well: these are named alone.
+//! touches or of the instrument that sees it, or leave something over that more of the declared noise would not explain
+//! as well, or without which the session is explained as well: these are named alone.
 //!
 //! What happened between two sessions, or in one alone, no half can tell: it is what it was found to be, beside
 //! what is judged.
 
-use crate::diagnosis::localisation::Residual;
+use crate::diagnosis::localisation::{Residual, may_be_louder};
 use crate::diagnosis::options::{Rule, SearchOptions};
 use crate::diagnosis::score::scored;
 use crate::diagnosis::score::times::happened_once;
@@ -50,6 +50,30 @@ pub enum Blocks {
     Workspace,
 }
 
+/// Why an effect is named, and is no part of the calibration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum NotApplied {
+    /// What was left out in turn is predicted no better with it.
+    NoHelp,
+    /// A law that no term has is likelier in its place, or as likely and of this session alone.
+    Law,
+    /// A curve without a law, at one placement.
+    Shape,
+    /// Something is left over, at one placement.
+    Leaves,
+    /// It may stand for an error of what is touched, or of the instrument, at one placement.
+    MayStand,
+    /// The session is explained about as well without it, at one placement.
+    AsWell,
+    /// A reason of a later version.
+    #[cfg_attr(feature = "serde", serde(other))]
+    Other,
+}
+
 /// Errors of closures on blocks that were left out in turn, root mean square in `unit`.
 ///
 /// Blocks are placements or sessions, or, of a single one, parts of the workspace.
@@ -71,16 +95,19 @@ pub struct Elsewhere {
     pub without_each: Vec<f64>,
     /// Unit of all of them.
     pub unit: String,
+    /// With all effects that were found; null in a result of an earlier version.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub found: Option<f64>,
 }
 
-/// Errors on blocks left out of a session that was traced; none where nothing was found, or where
-/// nothing that is touched is unknown and there is one session.
+/// Errors on blocks left out of a session that was traced, and of each effect that is not applied why; none where
+/// nothing was found, or where nothing that is touched is unknown and there is one session.
 #[must_use]
 pub fn elsewhere(
     traced: &Traced,
     search: &SearchOptions,
     residual: &Residual,
-) -> Option<(Elsewhere, Vec<bool>)> {
+) -> Option<(Elsewhere, Vec<Option<NotApplied>>)> {
     let Traced { observations, before, after, found, stretches, .. } = traced;
     // Where every pose has a place of its own, poses left out say it.
     let placed = !after.model.unknowns.is_empty() && after.model.pose_unknowns() == 0;
@@ -109,23 +136,19 @@ pub fn elsewhere(
         Blocks::Groups => Some(left.error(|training| searched(training, search, effects.len()))?),
         Blocks::Workspace => None,
     };
-    // Seen at one placement alone: nothing says that another has a shape without a law, or effects
-    // that leave something over or may stand for another.
     let noise = matches!(residual, Residual::Noise { .. } | Residual::Unjudged { .. });
-    let understood = noise && !found.iter().any(in_tie_with_surface);
-    let may = |(effect, one): (&Instance, &Found)| match &again {
+    let understood = noise || may_be_louder(traced);
+    let not = |effect: &Instance, one: &Found| match &again {
         Some((again, found)) => {
             let finds = |fit: &Fit| fit.model.instances.contains(effect);
-            *again <= WORSE * without || found.iter().all(finds)
+            (*again > WORSE * without && !found.iter().all(finds)).then_some(NotApplied::NoHelp)
         }
-        None => {
-            let shape = effect.term.info().penalised;
-            understood && !shape && !traced.undone(one) && !traced.as_well_without(one)
-        }
+        None => at_one_placement(traced, one, understood),
     };
-    let mut applies: Vec<bool> =
-        effects.iter().zip(found).zip(&given).map(|(one, given)| *given || may(one)).collect();
-    let mut applied = with(&applies)?;
+    let reasons = effects.iter().zip(found).zip(&given);
+    let mut reasons: Vec<Option<NotApplied>> = reasons
+        .map(|((effect, one), given)| if *given { None } else { not(effect, one) })
+        .collect();
     let all = vec![true; effects.len()];
     let without_one = |some: &[bool], k: usize| {
         let mut fewer = some.to_vec();
@@ -134,22 +157,47 @@ pub fn elsewhere(
     };
     let each: Option<Vec<f64>> =
         (0..effects.len()).map(|k| Some(without_one(&all, k)?.0)).collect();
-    let each = each?;
+    let (each, found) = (each?, with(&all)?);
+    if search.apply_all {
+        reasons.fill(None);
+    }
+    let mut applies: Vec<bool> = reasons.iter().map(Option::is_none).collect();
+    let mut applied = with(&applies)?;
     // The effect without which most is gained goes first.
     let mut order: Vec<usize> = (0..effects.len()).filter(|k| applies[*k] && !given[*k]).collect();
     order.sort_by(|a, b| each[*a].total_cmp(&each[*b]));
-    for k in order {
+    for k in order.into_iter().filter(|_| !search.apply_all) {
         let (error, fewer) = without_one(&applies, k)?;
         if error <= applied {
-            (applied, applies) = (error, fewer);
+            (applied, applies, reasons[k]) = (error, fewer, Some(NotApplied::NoHelp));
         }
     }
-    if applied >= without {
-        (applies, applied) = (given, without);
+    if applied >= without && !search.apply_all {
+        applied = without;
+        for (reason, _) in reasons.iter_mut().zip(&given).filter(|(_, given)| !**given) {
+            reason.get_or_insert(NotApplied::NoHelp);
+        }
     }
     let (blocks, unit) = (left.blocks.len(), observations.mechanism.length_unit.clone());
-    let (again, without_each) = (again.map(|(again, _)| again), each);
-    Some((Elsewhere { kind, blocks, without, again, applied, without_each, unit }, applies))
+    let (again, without_each, found) = (again.map(|(again, _)| again), each, Some(found));
+    Some((Elsewhere { kind, blocks, without, again, applied, found, without_each, unit }, reasons))
+}
+
+/// Why nothing says that an effect which was seen at one placement alone is there at another.
+fn at_one_placement(traced: &Traced, one: &Found, understood: bool) -> Option<NotApplied> {
+    if !understood {
+        return Some(NotApplied::Leaves);
+    }
+    if traced.found.iter().any(in_tie_with_surface) {
+        return Some(NotApplied::MayStand);
+    }
+    if one.instance.term.info().penalised {
+        return Some(NotApplied::Shape);
+    }
+    if traced.undone(one) {
+        return Some(NotApplied::Law);
+    }
+    traced.as_well_without(one).then_some(NotApplied::AsWell)
 }
 
 /// True for an error of the arm where one of the surface that it touches, or of the instrument that sees it, fits as

@@ -121,24 +121,41 @@ fn left_over(traced: &Traced) -> Residual {
         let (target, p_value) = (isolated.target, isolated.p_value);
         return Residual::Isolated { target, location, p_value };
     }
-    // Scatter of the channel that the law is of speaks for both.
-    let of_law = |c: &usize| law.is_some_and(|law| law.whose.target == Target::Channel(*c));
-    let (own, others): (Vec<usize>, Vec<usize>) =
-        (0..traced.small.mechanism.channels.len()).partition(of_law);
-    let most = |of: &[usize]| of.iter().map(|&c| scatter_of(traced, c)).fold(0.0, f64::max);
-    let (own, others) = (gain.max(most(&own)), most(&others));
+    let (own, others) = of_channels(traced, law);
     louder(traced, own.max(others))
         .or_else(|| law.filter(|_| own > others).map(|law| Residual::Follows(law.clone())))
         .unwrap_or_else(|| Residual::Structure(locate(traced)))
 }
 
-/// What is left as so many times the declared noise, where nothing bears that out and no channel
-/// explains what is left as well, by `best`.
-fn louder(traced: &Traced, best: f64) -> Option<Residual> {
-    let [chi2, dof] = traced.judge.left.filter(|_| traced.found.is_empty())?;
+/// How well (75) has what is left made by a law and by scatter of the channel that the law is of, which speak for
+/// each other, and by scatter of any other channel.
+fn of_channels(traced: &Traced, law: Option<&UnknownLaw>) -> (f64, f64) {
+    let of_law = |c: &usize| law.is_some_and(|law| law.whose.target == Target::Channel(*c));
+    let (own, others): (Vec<usize>, Vec<usize>) =
+        (0..traced.small.mechanism.channels.len()).partition(of_law);
+    let most = |of: &[usize]| of.iter().map(|&c| scatter_of(traced, c)).fold(0.0, f64::max);
+    (law.map_or(0.0, |law| -law.behind).max(most(&own)), most(&others))
+}
+
+/// How well so many times the declared noise explains what is left, where nothing bears that out: twice the logarithm
+/// of how much likelier what is left becomes, and how many times.
+fn alike(traced: &Traced) -> Option<(f64, f64)> {
+    let [chi2, dof] = traced.judge.left?;
     let scale = chi2 / dof;
-    let alike = chi2 - chi2 / scale - dof * scale.ln();
-    (alike > best + AS_WELL).then_some(Residual::Louder { factor: scale.sqrt() })
+    Some((chi2 - chi2 / scale - dof * scale.ln(), scale.sqrt()))
+}
+
+/// What is left as so many times the declared noise, where no channel explains it as well, by `best`.
+fn louder(traced: &Traced, best: f64) -> Option<Residual> {
+    let (gain, factor) = alike(traced)?;
+    (gain > best + AS_WELL).then_some(Residual::Louder { factor })
+}
+
+/// True where more of the declared noise explains what is left about as well as anything does.
+pub(crate) fn may_be_louder(traced: &Traced) -> bool {
+    let (own, others) = of_channels(traced, traced.unknown.as_ref());
+    let best = traced.isolated.as_ref().map_or(0.0, |it| it.gain).max(own).max(others);
+    alike(traced).is_some_and(|(gain, _)| gain + AS_WELL > best)
 }
 
 /// The effect that came nearest to being named, where chance makes such a one in less

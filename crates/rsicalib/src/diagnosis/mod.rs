@@ -22,6 +22,7 @@ mod presumed;
 pub(crate) mod price;
 pub(crate) mod score;
 pub(crate) mod search;
+mod sent;
 pub(crate) mod stretches;
 pub mod trace;
 pub(crate) mod unknown_law;

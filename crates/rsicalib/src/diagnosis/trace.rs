@@ -22,6 +22,7 @@ use crate::diagnosis::score::scored::{self, Judge, Scored};
 use crate::diagnosis::score::times::{happened_once, retimed};
 use crate::diagnosis::search::answers::search_effects;
 use crate::diagnosis::search::outcome::{FoundEffect, Searched};
+use crate::diagnosis::sent::{as_sent, closing_as_sent};
 use crate::diagnosis::stretches::Stretches;
 use crate::diagnosis::unknown_law::UnknownLaw;
 use crate::diagnosis::verdict::Determined;
@@ -160,6 +161,14 @@ impl Traced {
 /// As [`SearchOptions::check`] and [`fit`].
 pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Traced, Error> {
     search.check()?;
+    let sent = closing_as_sent(observations)?;
+    let observations = sent.as_ref().unwrap_or(observations);
+    if let Some(sent) = as_sent(observations).filter(Observations::declares_noise) {
+        let traced = looked_for(&sent, search)?;
+        if traced.excluded.is_empty() && traced.p_value.is_some_and(|p| p > LEVEL) {
+            return Ok(traced);
+        }
+    }
     let traced = looked_for(observations, search)?;
     if !is_undeclared_noise(&traced) {
         return Ok(traced);

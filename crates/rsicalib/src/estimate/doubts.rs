@@ -6,6 +6,8 @@ use crate::estimate::noise::source::{ALIKE, DOUBT, LARGER_PART, NoiseEstimate, m
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Suspicion, Witness};
 use crate::model::Model;
+use crate::model::known::Declared;
+use crate::numerics::distributions::normal_cdf;
 
 /// Share of the variance of a channel's noise that rounding must have to be named: with it the
 /// standard deviation is a tenth larger than without, 1 - 1/1.1².
@@ -20,6 +22,42 @@ pub(crate) fn of_readings(observations: &Observations) -> Vec<Suspicion> {
     }
     found.extend(degrees::of_readings(observations));
     found
+}
+
+/// Share of a declared variance that readings must tell for what they have to be held against it.
+const TOLD: f64 = 0.1;
+
+/// What a mechanism declares as known, and readings have elsewhere: of each distance, and of each term where it is
+/// farthest off. `N(0, s² - p)` is the deviation of an estimate of variance `p` from what is known to `s`, where that
+/// is true.
+pub(crate) fn of_knowledge(fit: &Fit) -> Vec<Suspicion> {
+    let declared = fit.model.declared();
+    let mut found: Vec<(f64, Declared, f64, f64)> = Vec::new();
+    for (of, prior) in &declared {
+        let slopes = prior.slopes(&fit.beta);
+        let left: f64 = (slopes.iter())
+            .flat_map(|(i, a)| slopes.iter().map(move |(j, b)| a * b * fit.covariance[(*i, *j)]))
+            .sum();
+        let (told, off) = (1.0 - left, prior.off(&fit.beta));
+        if told < TOLD || slopes.iter().any(|(i, _)| fit.unknowable[*i]) {
+            continue;
+        }
+        let by_chance = 2.0 * normal_cdf(-off.abs() / told.sqrt()) * declared.len() as f64;
+        if by_chance > DOUBT {
+            continue;
+        }
+        let alike = |other: &Declared| match (of, other) {
+            (Declared::Term(one), Declared::Term(other)) => one.term == other.term,
+            _ => of == other,
+        };
+        let (off, sd) = (off * prior.sd(), prior.sd());
+        match found.iter_mut().find(|(_, other, ..)| alike(other)) {
+            Some(worst) if worst.0 <= by_chance => {}
+            Some(worst) => *worst = (by_chance, *of, off, sd),
+            None => found.push((by_chance, *of, off, sd)),
+        }
+    }
+    found.into_iter().map(|(_, of, off, sd)| Suspicion::Knowledge { of, off, sd }).collect()
 }
 
 /// What the closures of a model are doubted for.

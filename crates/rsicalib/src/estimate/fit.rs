@@ -21,7 +21,7 @@ use crate::estimate::noise::rounding::Rounding;
 use crate::estimate::noise::scatter::Groups;
 use crate::estimate::noise::seating::contrasts;
 use crate::estimate::noise::source::{
-    NoiseEstimate, Rounded, check_declared, declared_rounded, estimate_noise, first_noise,
+    DOUBT, NoiseEstimate, Rounded, check_declared, declared_rounded, estimate_noise, first_noise,
     presumed, rounded, told_apart, with_lengths,
 };
 use crate::estimate::objective::{Noise, Part};
@@ -111,6 +111,14 @@ pub fn fit(
             "every length free, so that nothing says how long anything is",
             "one length that is known: name `distance` of some closures only, or give one an `sd`",
         )),
+        (None, Ok(found)) if search::is_drawn_together(&found.model, &found.beta) => {
+            Err(Error::option(
+                "terms",
+                "lengths of an arm that may all be zero, so that it touches anything",
+                "one length that is known: a closure with a `value` between two points that are touched, \
+                 fewer lengths among the terms, or an `sd` of them",
+            ))
+        }
         (_, found) => found,
     }
 }
@@ -411,6 +419,9 @@ fn minimum(
         let play = fit.model.play().iter().any(|play| *play > 0.0);
         fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
         fit.warnings.extend(of_play);
+        if judged && fit.p_value.is_none_or(|p| p > DOUBT) {
+            fit.warnings.extend(doubts::of_knowledge(&fit));
+        }
         fit.warnings.extend(doubts::of_lengths(observations, &fit.model, &fit.noise));
         let no_start = !fit.has_start();
         let fit_by = |other: &Observations, terms: Vec<Instance>| {

@@ -15,17 +15,20 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+use nalgebra::Vector3;
+
 use crate::estimate::algebraic::Algebraic;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::{Anchor, Observations};
+use crate::kinematics::elements::Way;
 use crate::mechanism::{Closure, Mechanism, Target, Value};
 use crate::model::{Model, Prior};
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
 use crate::numerics::thin;
 use crate::readings::Readings;
-use crate::terms::term::{Acts, Role};
+use crate::terms::term::{Acts, Role, Spot};
 
 /// Fraction of its nominal gain below which a channel has collapsed, and of its drawing a length.
 const COLLAPSED: f64 = 0.05;
@@ -85,6 +88,39 @@ pub(crate) fn shrunk(model: &Model, beta: &[f64]) -> bool {
         }
     };
     !closures.is_empty() && (0..closures.len()).all(gone)
+}
+
+/// True where the links of all chains have collapsed: an arm whose lengths are all zero touches any unknown point with
+/// any readings. How far along the first axis it begins is no length of it.
+pub(crate) fn is_drawn_together(model: &Model, beta: &[f64]) -> bool {
+    let mechanism = &model.mechanism;
+    let slides = |c: usize, r: usize| {
+        let instances = model.instances.iter().zip(&model.first);
+        instances.filter_map(move |(i, &first)| match i.term.acts() {
+            Acts::Geometry([(Spot::Link, axis, Way::Slide)]) if i.target == Target::Row(c, r) => {
+                Some((*axis, beta[first]))
+            }
+            _ => None,
+        })
+    };
+    let tips = mechanism.points.iter().filter(|p| p.chain.is_some()).filter_map(|p| p.at);
+    let tips: f64 = tips.map(|at| Vector3::from(at).norm()).sum();
+    let (mut drawn, mut left) = (tips, tips);
+    for (c, chain) in mechanism.chains.iter().enumerate() {
+        for (r, row) in chain.rows.iter().enumerate() {
+            let body = row.body().translation.vector;
+            let mut fitted = body;
+            for (axis, off) in slides(c, r) {
+                let mut along = Vector3::zeros();
+                along[axis as usize] = off;
+                fitted += row.link() * along;
+            }
+            let own = |v: Vector3<f64>| if r == 0 { v.xy().norm() } else { v.norm() };
+            drawn += own(body);
+            left += own(fitted);
+        }
+    }
+    left < COLLAPSED * drawn
 }
 
 /// True where the gains of channels of which `equal` closures alone tell are all fitted: with gains of zero such

@@ -1,5 +1,7 @@
 //! What looks wrong with the wiring.
 
+use crate::model::known::Declared;
+
 /// What looks wrong with the wiring, where no start led to a good fit.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -37,6 +39,15 @@ pub enum Suspicion {
         off: f64,
         /// The same with the two exchanged.
         with: f64,
+    },
+    /// The mechanism declares as known what readings have elsewhere.
+    Knowledge {
+        /// What it declares.
+        of: Declared,
+        /// By how much the estimate is above that.
+        off: f64,
+        /// The standard deviation with which it is declared.
+        sd: f64,
     },
     /// The gap of a potentiometer's track lies within the range of motion.
     Gap {

@@ -15,7 +15,29 @@ const ROOT: f64 = 3e-3;
 /// A joint of a mechanism may give this many times as much as its typical joint.
 const SOFTER: f64 = 1.0;
 
+/// What a mechanism declares as known, with a standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Declared {
+    /// The distance of a closure between unknown points.
+    Distance(usize),
+    /// The size of a term: what is drawn is right to so much.
+    Term(Instance),
+}
+
 impl Model {
+    /// Priors that the mechanism declares, each with what is declared.
+    pub(crate) fn declared(&self) -> Vec<(Declared, Prior)> {
+        let distances = self.links_of_closures().into_iter();
+        let mut found: Vec<_> = distances.map(|(k, link)| (Declared::Distance(k), link)).collect();
+        for (instance, &first) in self.instances.iter().zip(&self.first) {
+            let Some(sd) = self.declared_sd(instance) else { continue };
+            let columns = first..first + instance.term.info().parameters.len();
+            let prior = |column| Prior::Parameter { column, mean: 0.0, sd };
+            found.extend(columns.map(|column| (Declared::Term(*instance), prior(column))));
+        }
+        found
+    }
+
     /// Priors of the parameters: of free shapes, of standard deviations that the mechanism declares,
     /// of known distances between unknown points, and of coordinates of unknown points that the
     /// drawing alone determines.

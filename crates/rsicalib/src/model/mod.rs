@@ -12,7 +12,7 @@ mod ends;
 mod evaluation;
 mod hanging;
 mod instance;
-mod known;
+pub(crate) mod known;
 mod law_at;
 mod laws;
 mod lean;

@@ -61,6 +61,14 @@ impl Prior {
         }
     }
 
+    /// The standard deviation.
+    #[must_use]
+    pub fn sd(&self) -> f64 {
+        match *self {
+            Self::Parameter { sd, .. } | Self::Apart { sd, .. } | Self::Along { sd, .. } => sd,
+        }
+    }
+
     /// Pairs of a parameter and the derivative of [`Prior::off`] by that parameter.
     ///
     /// # Panics

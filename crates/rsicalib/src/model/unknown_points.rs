@@ -74,8 +74,14 @@ impl Model {
     /// Known distances between unknown points of one group, as priors.
     #[must_use]
     pub fn links(&self) -> Vec<Prior> {
+        self.links_of_closures().into_iter().map(|(_, link)| link).collect()
+    }
+
+    /// The same, each with its closure.
+    pub(crate) fn links_of_closures(&self) -> Vec<(usize, Prior)> {
         let mut links = Vec::new();
-        for closure in self.mechanism.closures.iter().filter(|c| self.mechanism.is_link(c)) {
+        let closures = self.mechanism.closures.iter().enumerate();
+        for (number, closure) in closures.filter(|(_, c)| self.mechanism.is_link(c)) {
             let Some(Value::Known(value)) = closure.value else { continue };
             let sd = closure.sd.or(closure.noise).unwrap_or(1e-3 * value);
             let ends = closure.between.each_ref().map(|end| self.mechanism.unknown_end(end));
@@ -90,7 +96,7 @@ impl Model {
                     let theirs = self.free_keys(b, &other.keys, &fixed_b);
                     if i != j && mine.is_some() && mine == theirs {
                         let points = [one, other].map(|u| self.term_parameters + u.first);
-                        links.push(Prior::Apart { points, value, sd });
+                        links.push((number, Prior::Apart { points, value, sd }));
                     }
                 }
             }

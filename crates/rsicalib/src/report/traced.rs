@@ -6,7 +6,7 @@ use crate::apply::check::CheckReadings;
 use crate::diagnosis::curve::curve;
 use crate::diagnosis::curve_law::{CurveLaw, curve_law};
 use crate::diagnosis::detectability::{Detectability, could_hide};
-use crate::diagnosis::elsewhere::{Elsewhere, elsewhere};
+use crate::diagnosis::elsewhere::{Elsewhere, NotApplied, elsewhere};
 use crate::diagnosis::held_out::{HeldOut, held_out, held_out_rows};
 use crate::diagnosis::localisation::{Residual, residual};
 use crate::diagnosis::options::SearchOptions;
@@ -107,10 +107,12 @@ pub struct StepReport {
     #[cfg_attr(feature = "serde", serde(default = "nullable::unknown", with = "nullable"))]
     #[cfg_attr(feature = "document", schemars(!default, with = "Option<f64>"))]
     pub p_value: f64,
-    /// False where the effect is named, and no part of `parameters`: it does not help elsewhere, or a
-    /// law that no term has is likelier in its place.
+    /// False where the effect is named, and no part of `parameters`.
     #[cfg_attr(feature = "serde", serde(default = "yes"))]
     pub applied: bool,
+    /// Why it is not applied.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub not_applied: Option<NotApplied>,
     /// By how much χ² would rise without the term.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub chi2_rise: Option<f64>,
@@ -371,11 +373,9 @@ pub fn traced(
         fit(&traced.small, traced.before.model.instances.clone(), Some(&traced.last))?;
     let rises: Vec<f64> = traced.found.iter().map(|found| found.rise).collect();
     let residual = residual(&traced, &rises);
-    let (elsewhere, applies) = elsewhere(&traced, search, &residual).unzip();
-    let applies = match search.apply_all {
-        true => vec![true; traced.found.len()],
-        false => applies.unwrap_or_else(|| likeliest(&traced)),
-    };
+    let (elsewhere, not_applied) = elsewhere(&traced, search, &residual).unzip();
+    let not_applied = not_applied.unwrap_or_else(|| of_law(&traced, search));
+    let applies: Vec<bool> = not_applied.iter().map(Option::is_none).collect();
     let applied = applied(&traced, &applies)?;
     let mut before = FitReport::of(&traced.before);
     let mut after = FitReport::of(&traced.after);
@@ -388,7 +388,7 @@ pub fn traced(
         .found
         .iter()
         .enumerate()
-        .map(|(k, found)| step(&traced, &small_before, k, found, applies[k]))
+        .map(|(k, found)| step(&traced, &small_before, k, found, not_applied[k]))
         .collect::<Result<Vec<_>, _>>()?;
     after.held_out = match steps.last() {
         Some(last) => last.held_out,
@@ -396,7 +396,9 @@ pub fn traced(
         None => left_out(&traced, &traced.last, &traced.after),
     };
     let found: Vec<Instance> = traced.found.iter().map(|f| f.instance).collect();
-    let absurd = absurdities(&traced.observations, &traced.after, &found);
+    // What is not applied is no part of what is used.
+    let used = found.iter().zip(&applies).filter(|(_, applies)| **applies).map(|(i, _)| *i);
+    let absurd = absurdities(&traced.observations, &applied, &used.collect::<Vec<_>>());
     let directions = directions(&traced.observations, &traced.after);
     let p_value = traced.p_value;
     let nominal = beside.map(Beside::nominal).transpose()?.flatten();
@@ -516,9 +518,10 @@ pub fn traced(
     Ok((report, traced))
 }
 
-/// Which effects are applied of one session, which has nothing to predict.
-fn likeliest(traced: &Traced) -> Vec<bool> {
-    traced.found.iter().map(|found| !traced.undone(found)).collect()
+/// Which effects are not applied of one session, which has nothing to predict.
+fn of_law(traced: &Traced, search: &SearchOptions) -> Vec<Option<NotApplied>> {
+    let undone = |found: &Found| !search.apply_all && traced.undone(found);
+    traced.found.iter().map(|found| undone(found).then_some(NotApplied::Law)).collect()
 }
 
 /// The fit with the effects that are applied.
@@ -622,7 +625,7 @@ fn step(
     small_before: &Fit,
     index: usize,
     found: &Found,
-    applied: bool,
+    not_applied: Option<NotApplied>,
 ) -> Result<StepReport, Error> {
     let observations = &traced.observations;
     let after = &traced.after;
@@ -663,7 +666,8 @@ fn step(
         target,
         place,
         label,
-        applied,
+        applied: not_applied.is_none(),
+        not_applied,
         p_value: found.p_value.min(1.0),
         chi2_rise: Some(found.rise),
         parameters: parameters.collect(),

@@ -1,12 +1,14 @@
 //! [`Warned`]: what is suspicious, for programs and for people.
 
 use crate::apply::check::Check;
+use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::diagnosis::trace::Traced;
 use crate::estimate::directions::ParameterReport;
 use crate::estimate::suspicion::{InDegrees, Suspicion};
 use crate::estimate::{Fit, Note, Observations};
 use crate::mechanism::Mechanism;
+use crate::model::known::Declared;
 use crate::monitor::closing::OpenLoops;
 use crate::report::words;
 
@@ -86,6 +88,8 @@ pub enum Kind {
     SameReadings,
     /// Distances follow from the other closures.
     Follow,
+    /// What is declared as known is not what the readings have.
+    Knowledge,
     /// An unknown point has an image in a mirror that fits as well.
     Mirrored,
     /// Readings look like degrees and are declared as radians.
@@ -150,7 +154,11 @@ pub enum Kind {
 pub fn warnings(observations: &Observations, before: &Fit, after: &Fit) -> Vec<Warned> {
     let holds = |s: &&Suspicion| s.of_wiring() && !(s.is_no_start() && after.has_start());
     let wiring = before.warnings.iter().filter(holds);
-    let rest = after.warnings.iter().filter(|s| !s.of_wiring());
+    // Loops close as radians: an encoder counts its turns.
+    let closes = after.p_value.is_some_and(|p| p > LEVEL);
+    let turns =
+        |s: &Suspicion| matches!(s, Suspicion::Degrees { of: InDegrees::Readings, .. }) && closes;
+    let rest = after.warnings.iter().filter(|s| !s.of_wiring() && !turns(s));
     wiring.chain(rest).map(|s| of_suspicion(&observations.mechanism, s)).collect()
 }
 
@@ -261,6 +269,12 @@ fn of_suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> Warned {
         Suspicion::SameReadings { .. } => (Kind::SameReadings, None),
         Suspicion::Follow { closures } => {
             (Kind::Follow, joined(closures.iter().map(closure).collect()))
+        }
+        Suspicion::Knowledge { of: Declared::Distance(k), .. } => {
+            (Kind::Knowledge, joined(vec![closure(k)]))
+        }
+        Suspicion::Knowledge { of: Declared::Term(instance), .. } => {
+            (Kind::Knowledge, Some(instance.target.name(mechanism)))
         }
         Suspicion::Degrees { channels: of, .. } => (Kind::Degrees, channels(of)),
         Suspicion::Gains { channels: of, .. } => (Kind::Units, channels(of)),

@@ -17,8 +17,9 @@ use crate::estimate::significance::NORMAL_95;
 use crate::estimate::suspicion::{Closes, InDegrees, Measure, Scaled, Shown, Suspicion, Witness};
 use crate::estimate::tried::{Gains, Origin};
 use crate::estimate::{AnchorKind, Fit, Observations};
-use crate::mechanism::{Closure, Law, Mechanism, Target};
+use crate::mechanism::{Closure, Law, Mechanism, Target, Value};
 use crate::model::Instance;
+use crate::model::known::Declared;
 use crate::monitor::closing::OpenLoops;
 use crate::numerics::lm::Termination;
 use crate::readings::Readings;
@@ -33,7 +34,9 @@ pub fn noise(estimate: &NoiseEstimate) -> String {
     let source = self::source(estimate.source);
     let apart = if estimate.apart > 0 { ", by channel" } else { "" };
     match estimate.largest_seating() {
-        Some(seating) => format!("{source}{apart}; seatings {seating:.2e}, of the fit itself"),
+        Some(seating) => {
+            format!("{source}{apart}; seatings {}, of the fit itself", significant(seating, 3))
+        }
         None => format!("{source}{apart}"),
     }
 }
@@ -269,6 +272,7 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 if names.len() == 1 { "it is" } else { "they are" },
             )
         }
+        Suspicion::Knowledge { of, off, sd } => knowledge(mechanism, *of, *off, *sd),
         Suspicion::Mirrored { point, name, at, image } => {
             let unit = &mechanism.length_unit;
             let [here, there] = [at, image].map(|at| at.map(|v| format!("{v:.4}")).join(", "));
@@ -325,7 +329,7 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
         Suspicion::Coarse { channel, step, share } => format!(
             "{} reads in steps of {} {}: rounding, step/√12, is {:.0} % of the variance of its noise",
             name(*channel),
-            if step.fract() == 0.0 { step.to_string() } else { format!("{step:.3e}") },
+            if step.fract() == 0.0 { step.to_string() } else { significant(*step, 4) },
             mechanism.channels[*channel].unit,
             100.0 * share
         ),
@@ -461,6 +465,39 @@ fn declared_noise(by: Witness, factor: f64, play: bool) -> String {
     words + unit
 }
 
+/// What is declared as known, and the readings have elsewhere.
+fn knowledge(mechanism: &Mechanism, of: Declared, off: f64, sd: f64) -> String {
+    let times = significant((off / sd).abs(), 2);
+    match of {
+        Declared::Distance(closure) => {
+            let Closure { name, value, sd: declared, noise, .. } = &mechanism.closures[closure];
+            let value = match value {
+                Some(Value::Known(value)) => *value,
+                _ => f64::NAN,
+            };
+            let by = match declared.or(*noise) {
+                Some(_) => "that is declared",
+                None => "of a thousandth of it, since none is declared",
+            };
+            format!(
+                "the distance of {name} is declared as {} {unit}, and the readings have {} {unit}: {times} \
+                 times the standard deviation {by}. Measure it again, or declare its sd as it is",
+                significant(value, 6),
+                significant(value + off, 6),
+                unit = mechanism.length_unit,
+            )
+        }
+        Declared::Term(instance) => {
+            let (term, target) = (instance.term.info().id, instance.target.name(mechanism));
+            format!(
+                "{term} of {target} is {times} times as far from what is drawn as its declared sd of {} \
+                 lets expect: that sd is too small, or the drawing is of another device",
+                significant(sd, 3)
+            )
+        }
+    }
+}
+
 /// Declared play of which less is left.
 fn declared_play(mechanism: &Mechanism, closures: &[usize], factor: f64) -> String {
     let would_fit = |&closure: &usize| {
@@ -546,9 +583,10 @@ pub fn cause(mechanism: &Mechanism, cause: &Cause, samples: usize, held: bool) -
              {samples} samples left out"
         ),
         Cause::Moved { tool, by, between: [before, after] } => format!(
-            "{} moved by {by:.2e} {unit}, or a sensor slipped, {}: left out from there on, {samples} \
+            "{} moved by {} {unit}, or a sensor slipped, {}: left out from there on, {samples} \
              samples",
             if *tool { "its tool" } else { "the point it touches" },
+            significant(*by, 3),
             match held {
                 true => "before this pose".into(),
                 false => format!("between its samples {before} and {after} (counted from 0)"),
@@ -559,7 +597,7 @@ pub fn cause(mechanism: &Mechanism, cause: &Cause, samples: usize, held: bool) -
                 true => "it".into(),
                 false => format!("sample {number} of its run (counted from 0)"),
             };
-            format!("{which} stands {off:.2e} {unit} off, {sigmas:.1} σ")
+            format!("{which} stands {} {unit} off, {sigmas:.1} σ", significant(*off, 3))
         }
     }
 }
@@ -586,9 +624,10 @@ pub fn direction(direction: &Direction) -> String {
         Direction::Weak { moves, off } => {
             let label = &moves[0].label;
             format!(
-                "{}: {} may be off by {off:.2e} {} (2 sd) and the rest with it",
+                "{}: {} may be off by {} {} (2 sd) and the rest with it",
                 together(moves),
                 label.name,
+                significant(*off, 3),
                 label.unit
             )
         }

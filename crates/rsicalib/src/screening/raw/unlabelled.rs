@@ -70,7 +70,7 @@ pub fn unlabelled(raw: &Raw<'_>, sample: Option<&[i64]>) -> Option<Unlabelled> {
     if raw.held || !raw.spans().iter().any(|&span| span > 0.0) {
         return None;
     }
-    match steps.jumps(finest(raw)) {
+    match steps.jumps(raw, finest(raw)) {
         Some(begins) => Some(Unlabelled::Repeats { by: Shown::Readings, begins, stand: true }),
         None => steps.group_size(raw).map(|size| Unlabelled::Gathered { size }),
     }
@@ -121,8 +121,9 @@ impl Steps {
     }
 
     /// Rows at which groups of repeats begin, the first aside; none where rows are no repeats. `finest`
-    /// is the largest step that rounding makes.
-    fn jumps(&self, finest: f64) -> Option<Vec<usize>> {
+    /// is the largest step that rounding makes. What moves on from row to row is no repeat, however small its
+    /// steps are beside the jump of an encoder that begins a turn anew, or of a recording that was interrupted.
+    fn jumps(&self, raw: &Raw<'_>, finest: f64) -> Option<Vec<usize>> {
         let mut sizes = self.0.clone();
         sizes.sort_by(f64::total_cmp);
         let times = |k: usize| sizes[k].max(finest) / sizes[k - 1].max(finest);
@@ -130,7 +131,14 @@ impl Steps {
         let at = (1..sizes.len()).rev().max_by(|&a, &b| times(a).total_cmp(&times(b)))?;
         let begins: Vec<usize> =
             (1..=self.0.len()).filter(|&row| self.0[row - 1] >= sizes[at]).collect();
-        let several = self.runs(&begins).iter().filter(|run| run.len() > 1).count();
+        // Noise goes to and fro: it does not reach further than twice its largest step.
+        let reach = 2.0 * sizes[at - 1].max(finest);
+        let spans = raw.spans();
+        let stands = |run: &&Range<usize>| {
+            let mut moving = spans.iter().enumerate().filter(|(_, whole)| **whole > 0.0);
+            run.len() > 1 && moving.all(|(c, whole)| span(raw.part(run, c)) <= reach * whole)
+        };
+        let several = self.runs(&begins).iter().filter(stands).count();
         (times(at) >= APART && several >= FEWEST && 2 * several >= begins.len()).then_some(begins)
     }
 
