@@ -17,6 +17,7 @@ from rsicalib import _core
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.warned import Warned
+from rsicalib.io.builtin import DEFAULT, GIVE_YOURS
 from rsicalib.io.tables import Table, is_blank, is_dates, numbers, quoted, text
 from rsicalib.io.times import TIME, time_column
 from rsicalib.plain_text import meant
@@ -106,7 +107,8 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
     for name in needed:
         if name not in index:
             expected = f"a column '{name}' ({_role(name, mechanism)})"
-            hint = _header_hint(name, table.names, used) + _by_import(name, table, mechanism)
+            hint = _header_hint(name, table.names, used, mechanism)
+            hint += _by_import(name, table, mechanism)
             raise refuse(name, "no such column", expected, hint)
     poses = [name for name in POSE if name in index and name not in needed]
     missing = [name for name in POSE if name not in index]
@@ -166,7 +168,9 @@ def _role(name: str, mechanism: MechanismLike) -> str:
     return f"a channel of '{mechanism.name}'"
 
 
-def _header_hint(name: str, names: list[str], known: Container[str]) -> str:
+def _header_hint(
+    name: str, names: list[str], known: Container[str], mechanism: MechanismLike
+) -> str:
     """Advice on what may be wrong with the header."""
     for other in names:
         if other.lower() == name.lower():
@@ -176,7 +180,9 @@ def _header_hint(name: str, names: list[str], known: Container[str]) -> str:
     if names and np.isfinite(numbers(names)).all():
         return "The first line holds numbers; put a header line above it."
     hint = meant(name, [other for other in names if other not in known])
-    return f"The columns are: {', '.join(names)[:200]}{hint}."
+    columns = f"The columns are: {', '.join(names)[:200]}{hint}."
+    forgotten = mechanism.name == DEFAULT and not any(c.name in names for c in mechanism.channels)
+    return f"{columns} {GIVE_YOURS}" if forgotten else columns
 
 
 def _by_import(name: str, table: Table, mechanism: MechanismLike) -> str:
