@@ -18,13 +18,12 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.warned import Warned
 from rsicalib.io.builtin import DEFAULT, GIVE_YOURS
-from rsicalib.io.tables import Table, is_blank, is_dates, numbers, quoted, text
+from rsicalib.io.tables import USED, Table, is_blank, is_dates, numbers, quoted, text
 from rsicalib.io.times import TIME, time_column
 from rsicalib.plain_text import meant
 
 POSE = ("x", "y", "z", "rx", "ry", "rz")
 TEXTS = ("group", "at")
-USED = "used"
 COLUMNS = {
     "pose": "Label of a held pose, a whole number; its rows are neighbours. Without this column "
     "every row is a pose of its own: a recording, or poses that were read once each.",
@@ -33,7 +32,7 @@ COLUMNS = {
     "temperature_c": "Temperature [°C]. Without it, effects of temperature are no candidates.",
     USED: "1, or 0 in a row that is not used. Such a row stays part of the session: from where the "
     "next pose was approached, what way was travelled, what time has passed. Without this column "
-    "all rows are used.",
+    "all rows are used. In memory True and False are 1 and 0.",
     "group": "Text: the placement, or whatever `--fit-groups` chooses from.",
     "at": "Text: which unknown point is touched.",
     **{name: "Position of the platform where it is known [length unit]." for name in "xyz"},
@@ -289,7 +288,9 @@ def _unusable(
     if name in mechanism.distance_columns:
         return bad | ~(values > 0.0), "a distance above zero"
     if name in ("pose", "sample"):
-        return ~((values == np.rint(values)) & (np.abs(values) < EXACT)), "an integer"
+        whole, large = values == np.rint(values), np.abs(values) >= EXACT
+        expected = f"an integer below {EXACT:.0f} (2^53) in size"
+        return ~whole | large, expected if (whole & large).any() else "an integer"
     if name == USED and name not in needed_columns(mechanism):
         return ~((values == 0.0) | (values == 1.0)), "0 or 1"
     if name == TIME:
