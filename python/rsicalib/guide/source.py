@@ -14,6 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -23,6 +24,9 @@ from rsicalib.io.sources import LONGEST_LINE
 
 POLL_S = 0.05
 """Between two looks at a file that grows."""
+
+ENDS_S = 0.5
+"""In which a command ends that is asked to."""
 
 WAITING = 100_000
 """Lines that wait to be taken, at most: a source that is faster waits itself."""
@@ -51,6 +55,8 @@ class Lines:
                 self._queue.put(line)
         finally:
             self._queue.put(None)
+            if self._process is not None and self._process.stdout is not None:
+                self._process.stdout.close()
 
     def take(self, timeout_s: float) -> list[str]:
         """All lines that have arrived; an empty list where none has within the time."""
@@ -72,6 +78,8 @@ class Lines:
         self._stop.set()
         if self._process is not None:
             self._process.terminate()
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(ENDS_S)
 
 
 def open_source(source: str) -> Lines:
