@@ -38,7 +38,7 @@ CODES = {
     3: "the data cannot determine what was asked",
     4: "a calibration was found, but something is missing (a residual is left, or a law that no "
     "term has is likelier than chance), or it is implausible; an alarm",
-    130: "interrupted; no half-written file is left",
+    130: "interrupted (143 by SIGTERM, 129 by SIGHUP); no half-written file is left",
 }
 
 

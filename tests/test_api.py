@@ -302,6 +302,7 @@ def test_the_paper_s_method_and_single_loops_can_be_asked_for(calibration: Calib
 def test_every_name_of_the_package_is_there_and_listed_in_order() -> None:
     for name in rsicalib.__all__:
         assert hasattr(rsicalib, name)
+    assert dir(rsicalib) == sorted(rsicalib.__all__)
 
 
 def test_results_print_in_one_line(calibration: Calibration, traced: Trace) -> None:

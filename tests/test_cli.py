@@ -121,6 +121,36 @@ def test_forward_writes_a_table_of_poses(tmp_path: Path) -> None:
     assert len(document["columns"]["rz"]) == 160
 
 
+@pytest.mark.parametrize("verb", ["forward", "calibrate", "trace", "fixture"])
+def test_a_mechanism_that_was_forgotten_is_asked_for(verb: str, tmp_path: Path) -> None:
+    own = tmp_path / "own.csv"
+    own.write_text("pose,crank,rocker\n1,0.1,0.2\n2,0.3,0.4\n")
+    done = run(verb, own)
+    assert done.returncode == 2
+    assert done.stderr.count("give yours as mechanism (--mechanism FILE)") == 1
+    one = tmp_path / "one.csv"  # of this mechanism, without one of its columns
+    one.write_text(Path(READINGS).read_text().replace("a11", "b11", 1))
+    done = run(verb, one)
+    assert done.returncode == 2 and "--mechanism" not in done.stderr
+
+
+@pytest.mark.parametrize("verb", ["forward", "calibrate", "trace"])
+def test_the_mechanism_of_a_result_is_asked_for_before_its_readings(
+    verb: str, tmp_path: Path
+) -> None:
+    result = tmp_path / "result.json"
+    text = run("calibrate", READINGS, "--json").stdout
+    result.write_text(text.replace('"mechanism": "rsi"', '"mechanism": "mine"', 1))
+    own = tmp_path / "own.csv"
+    own.write_text("pose,crank,rocker\n1,0.1,0.2\n2,0.3,0.4\n")
+    done = run(verb, own, "--calibration", result)
+    assert (
+        done.returncode == 2
+        and "found a calibration of 'mine', expected one of 'rsi'" in done.stderr
+    )
+    assert "Give its own as mechanism" in done.stderr and "no such column" not in done.stderr
+
+
 def test_a_result_can_be_the_start_of_the_next_one(tmp_path: Path) -> None:
     path = tmp_path / "result.json"
     path.write_text(run("trace", READINGS, "--rest", REST, "--json").stdout)

@@ -264,7 +264,7 @@ def test_a_channel_without_range_still_takes_finite_numbers_only(write):
         ("pose", "1.5", "an integer"),
         ("pose", "first", "an integer"),
         ("pose", "", "an integer"),
-        ("pose", "9007199254740993", "an integer"),
+        ("pose", "9007199254740993", "an integer below 9007199254740992 (2^53) in size"),
         ("sample", "x", "an integer"),
         ("time_s", "", "a finite number (seconds)"),
         ("time_s", "noon", "a finite number (seconds)"),
@@ -508,6 +508,16 @@ def test_arrays_that_do_not_fit_are_refused(change, column, found):
     with pytest.raises(InputError) as caught:
         Readings.from_arrays(RSI, **{"values": session()[0], **change})
     assert (caught.value.where["column"], caught.value.where["found"]) == (column, found)
+
+
+def test_a_mask_says_which_rows_are_used_and_no_other_column_is_one():
+    values = session()[0]
+    columns = {c.name: values[:, k] for k, c in enumerate(RSI.channels)}
+    mask = np.arange(len(values)) % 3 > 0
+    told = [load_readings({**columns, "used": used}, RSI) for used in (mask, mask.astype(int))]
+    assert len(told[0]) == len(told[1]) == mask.sum()
+    with pytest.raises(InputError, match="column a12: found type bool, expected numbers"):
+        load_readings({**columns, "a12": mask}, RSI)
 
 
 def test_what_is_written_is_read_back_unchanged(tmp_path):

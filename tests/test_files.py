@@ -10,7 +10,7 @@ import pytest
 import rsicalib
 from rsicalib import DEMO, InputError
 from rsicalib.cores import available_cores
-from rsicalib.io.files import forget_parts, whole_file, write_text
+from rsicalib.io.files import whole_file, without_parts, write_text
 
 
 def test_a_file_is_replaced_as_a_whole(tmp_path: Path) -> None:
@@ -36,8 +36,8 @@ def test_an_interrupted_write_leaves_what_was_there(tmp_path: Path) -> None:
 def test_a_part_of_a_file_is_removed_when_the_command_is_left_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputError), whole_file(tmp_path / "out.txt") as file:
         file.write("half")
-        forget_parts()
-        assert list(tmp_path.iterdir()) == []
+        with without_parts():
+            assert list(tmp_path.iterdir()) == []
 
 
 def test_a_place_where_one_cannot_write_is_refused(tmp_path: Path) -> None:

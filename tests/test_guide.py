@@ -568,6 +568,14 @@ def test_a_file_that_grows_is_read_line_by_line(tmp_path: Path) -> None:
         open_source("no-such-command-anywhere --x")
 
 
+def test_a_command_that_writes_nothing_more_is_ended_with_the_session() -> None:
+    waiting = "import time; print(1, flush=True); time.sleep(100)"
+    lines = open_source(f'"{sys.executable}" -c "{waiting}"')
+    assert lines.take(30.0) == ["1\n"] and not lines.ended
+    lines.close()
+    assert lines.take(10.0) == [] and lines.ended  # its end of the pipe is closed
+
+
 def test_the_page_answers_to_this_machine_alone() -> None:
     struck: list[int] = []
     page = Page(

@@ -149,6 +149,14 @@ def test_a_folder_without_results_says_so(tmp_path: Path) -> None:
         rsicalib.history(tmp_path)
 
 
+def test_a_folder_of_results_of_another_mechanism_asks_for_it(folder: Path) -> None:
+    with pytest.raises(InputError, match="expected a result with a date") as refused:
+        rsicalib.history(folder, "so101")
+    first = refused.value.message.split(f". {DATES[0]}.json: ")[1]
+    assert first.startswith("found a calibration of 'rsi', expected one of")
+    assert refused.value.message.endswith("(--mechanism FILE).") and ".," not in first
+
+
 @pytest.fixture(scope="module")
 def moved(tmp_path_factory: pytest.TempPathFactory) -> rsicalib.History:
     """Five results of devices that share no offset: as one device they scatter in all."""

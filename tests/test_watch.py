@@ -226,7 +226,10 @@ def test_the_command_prints_a_line_for_each_alarm(step: dict[str, Any], tmp_path
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_an_interrupted_stream_ends_with_a_summary(step: dict[str, Any], tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_stream_ends_with_a_summary(
+    step: dict[str, Any], tmp_path: Path, number: int
+) -> None:
     result = tmp_path / "result.json"
     step["calibration"].save(result)
     lines = csv(step["values"][2500:3500], tmp_path / "work.csv").read_bytes()
@@ -249,7 +252,7 @@ def test_an_interrupted_stream_ends_with_a_summary(step: dict[str, Any], tmp_pat
         process.stdin.flush()
         alarm = json.loads(process.stdout.readline())  # it is under way, and waits for more
         assert 500 <= alarm["row"] < 550
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         said = process.stderr.read().decode()
         assert process.wait(60) == 4
     assert "1000 of 1000 rows tested" in said

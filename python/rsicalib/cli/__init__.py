@@ -8,7 +8,7 @@ verb returns is what it exits with:
     2    the input or the options cannot be used
     3    the data cannot determine what was asked
     4    a calibration was found, but the residual is significant
-    130  interrupted
+    130  interrupted; 143 by SIGTERM, 129 by SIGHUP
 """
 
 from __future__ import annotations

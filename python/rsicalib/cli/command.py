@@ -9,13 +9,14 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
+from rsicalib.cli.interruption import deaf_to_signals, ends_by_signals, exit_code
 from rsicalib.cli.output import heard
 from rsicalib.cli.parser import make_parser
 from rsicalib.cli.streams import emit, is_of_streams, open_streams, say, silence
 from rsicalib.cli.verbs import Args
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.facts.records import to_json
-from rsicalib.io.files import forget_parts
+from rsicalib.io.files import without_parts
 
 NOT_TO_BE_RELIED_ON = 4
 """Exit code of a verb that has gone on with a result that was edited, or whose loops are open."""
@@ -33,8 +34,9 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
     open_streams()
     code = 0
     try:
-        code = _run(words)
-        sys.stdout.flush()
+        with ends_by_signals():
+            code = _run(words)
+            sys.stdout.flush()
     except BrokenPipeError:
         silence(sys.stdout)  # whoever read has seen enough
     except OSError as error:
@@ -42,11 +44,12 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
         code = 2
         with contextlib.suppress(OSError):
             print(f"error: standard output: {error.strerror}", file=sys.stderr, flush=True)
-    except KeyboardInterrupt:
-        forget_parts()
-        with contextlib.suppress(OSError):
-            print("interrupted", file=sys.stderr, flush=True)
-        os._exit(130)  # a job of the core may still be computing: nobody waits for it
+    except KeyboardInterrupt as error:
+        deaf_to_signals()
+        with without_parts():
+            with contextlib.suppress(OSError):
+                print("interrupted", file=sys.stderr, flush=True)
+            os._exit(exit_code(error))  # a job may still be computing: nobody waits for it
     sys.exit(code)
 
 

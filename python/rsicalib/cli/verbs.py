@@ -60,7 +60,7 @@ def import_(args: Args) -> int:
     from rsicalib.report.recording import recording_figure
 
     names = "format mechanism channels topic when hold rate episodes ranges labels skip_bad_rows"
-    log = import_log(args.source, **_of(args, names))
+    log = _heard(args, lambda _: import_log(args.source, **_of(args, names)), "read the log")
     files = log.files()
     figure = recording_figure(log)
     if figure is not None:
@@ -74,7 +74,9 @@ def export(args: Args) -> int:
     """A result for others: URDF, MJCF, Maslow4, Klipper, LeRobot, ROS 2, C, corrected readings."""
     from rsicalib.exports.opening import export_result, sealed
 
-    files = export_result(args.result, args.to, args.mechanism, **_of(args, "readings base"))
+    options = _of(args, "readings base")
+    given = (args.result, args.to, args.mechanism)
+    files = _heard(args, lambda _: export_result(*given, **options), "export the result")
     if args.out is not None:
         made = sealed(files, args.to)
         written = write_folder(args.out, made, seal=EXPORT, force=args.force)
@@ -114,12 +116,13 @@ def forward(args: Args) -> int:
     from rsicalib.work.arguments import earlier_result
     from rsicalib.work.closing import warn_of_open_loops
 
-    mechanism = api.load_mechanism(args.mechanism)
-    readings = readings_for(args.readings, mechanism, args.skip_bad_rows)
-    warn(args, readings.warnings)
+    drawn = mechanism = api.load_mechanism(args.mechanism)
     result = None
-    if args.calibration is not None:
-        result, mechanism = earlier_result(args.calibration, mechanism)
+    if args.calibration is not None:  # first: of another mechanism the readings are, too
+        result, mechanism = earlier_result(args.calibration, drawn)
+    given = (args.readings, drawn, args.skip_bad_rows)
+    readings = _heard(args, lambda _: readings_for(*given), "read the readings")
+    warn(args, readings.warnings)
     found = _heard(args, lambda _: places(readings, mechanism, result), "place the readings")
     if result is not None:
         warn_of_open_loops(readings, mechanism, result)
@@ -208,9 +211,7 @@ def fleet(args: Args) -> int:
     names = "mechanism out by levels terms closures noise trace held_out workers dask resume"
     options = _of(args, f"{names} population time_limit")
     options |= {} if args.reports is None else {"reports": args.reports}
-    with progress_of(args) or contextlib.nullcontext() as line:
-        told = None if line is None else line.counted
-        found = calibrate_fleet(args.dataset, **options, progress=told)
+    found = _counted(args, lambda told: calibrate_fleet(args.dataset, **options, progress=told))
     return _told(args, to_json(found.to_dict()), found.text(), found.exit_code)
 
 
@@ -243,9 +244,8 @@ def paper(args: Args) -> int:
     from rsicalib.reproduction.page import html
     from rsicalib.reproduction.paper import paper as compute_paper
 
-    with progress_of(args) or contextlib.nullcontext() as line:
-        told = None if line is None else line.counted
-        found = compute_paper(args.trials, seed=args.seed, progress=told, workers=args.workers)
+    options = _of(args, "seed workers")
+    found = _counted(args, lambda told: compute_paper(args.trials, **options, progress=told))
     document = to_json(found.to_dict())
     _sheets(args, "paper", document, found.text(), lambda: html(found))
     return _told(args, document, found.text())
@@ -378,12 +378,23 @@ def _heard(args: Args, job: Callable[[dict[str, Any]], T], what: str = "fit") ->
         return interruptible(lambda: job({"progress": line}), line.tick)
 
 
+def _counted(args: Args, job: Callable[[Callable[[str, int, int], None] | None], T]) -> T:
+    """Run a job that Ctrl-C interrupts, with its counted progress shown to whoever waits."""
+
+    def run(told: dict[str, Any]) -> T:
+        line = told.get("progress")
+        return job(None if line is None else line.counted)
+
+    return _heard(args, run, "begin")
+
+
 def _with_logs(args: Args) -> None:
     """Read what is a log of another program, and take the mechanism that it brings along."""
     from rsicalib.work.arguments import with_logs
 
     given = args.mechanism
-    args.readings, args.mechanism = with_logs(args.readings, given, args.skip_bad_rows)
+    read = lambda _: with_logs(args.readings, given, args.skip_bad_rows)  # noqa: E731
+    args.readings, args.mechanism = _heard(args, read, "read the log")
     args.brought = None if args.mechanism is given else args.mechanism
 
 

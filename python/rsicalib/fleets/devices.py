@@ -16,9 +16,9 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import plain
 from rsicalib.fleets.frames import TEXT, Frame, frame_like, runs_of, select
-from rsicalib.io.cells import USED, Fault, MechanismLike, needed_columns, read_cells, read_header
+from rsicalib.io.cells import Fault, MechanismLike, needed_columns, read_cells, read_header
 from rsicalib.io.frames import Cells, Columns, columns_of
-from rsicalib.io.tables import Table, text
+from rsicalib.io.tables import USED, Table, text
 from rsicalib.options import number
 from rsicalib.work.arguments import Bare, MechanismArg, names_in, noise_of_channels, open_mechanism
 

@@ -117,7 +117,8 @@ def over_threads(
                     running[pool.submit(_work, job, partition)] = partition
                 if not running:
                     return
-                for done in wait(running, return_when=FIRST_COMPLETED).done:
+                # With a timeout, since a wait without one cannot be interrupted everywhere.
+                for done in wait(running, timeout=0.5, return_when=FIRST_COMPLETED).done:
                     yield running.pop(done), done.result()
         finally:
             pool.shutdown(wait=False, cancel_futures=True)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import os
 import secrets
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from rsicalib.errors import InputError
 from rsicalib.facts.records import to_json
 from rsicalib.fleets.frames import TEXT, Rows
 from rsicalib.io.extras import parquet_modules
-from rsicalib.io.files import write_text
+from rsicalib.io.files import whole_file, write_text
 from rsicalib.io.sources import read_json
 
 GROUP = 10_000
@@ -102,20 +103,18 @@ def write_rows(path: Path, rows: Rows, by: str, texts: Sequence[str] = TEXT) -> 
     kinds = {name: arrow.string() if name in texts else arrow.float64() for name in rows}
     kinds[by] = None
     columns = {n: arrow.array(cells, kinds[n], from_pandas=True) for n, cells in rows.items()}
-    _whole(path, lambda part: parquet.write_table(arrow.table(columns), part))
+    with _opened(path) as file:
+        parquet.write_table(arrow.table(columns), file)
 
 
-def _whole(path: Path, write: Callable[[Path], None]) -> None:
-    """Write a file that takes its place when it is whole, whoever else writes the same."""
-    part = path.with_suffix(f".{secrets.token_hex(4)}.part")
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
+    """A file that takes its place when it is whole, whoever else writes the same."""
     try:
-        write(part)
-        part.replace(path)
-    except OSError as error:
-        found = f"'{path}', where one cannot write ({error.strerror})"
-        raise InputError(f"--out: found {found}, expected a place for a file") from None
-    finally:
-        part.unlink(missing_ok=True)
+        with whole_file(path, shared=True) as file:
+            yield file.buffer
+    except InputError as error:
+        raise InputError(f"--out: {error.message}") from None
 
 
 class Store:
@@ -212,7 +211,8 @@ class Store:
             merged = self._merged([self.table, *parts], order)
             write_rows(self.table, merged, self.by, self.parts.texts)
         elif parts:
-            _whole(self.table, lambda part: self._copied(parts, part))
+            with _opened(self.table) as file:
+                self._copied(parts, file)
         for path in self.parts.folder.glob("*"):
             path.unlink()
         self.parts.folder.rmdir()
@@ -228,12 +228,12 @@ class Store:
         picked = [last[label] for label in sorted(last, key=lambda label: order[label])]
         return {name: [cells[i] for i in picked] for name, cells in rows.items()}
 
-    def _copied(self, files: Sequence[Path], path: Path) -> None:
+    def _copied(self, files: Sequence[Path], to: BinaryIO) -> None:
         """Rows of files one after the other, a row group at a time."""
         schemas = [self.parquet.read_schema(file) for file in files]
         schema = self.arrow.unify_schemas(schemas, promote_options="permissive")
         schema = schema.remove_metadata()
-        with self.parquet.ParquetWriter(path, schema) as out:
+        with self.parquet.ParquetWriter(to, schema) as out:
             waiting: list[Any] = []
             for k, file in enumerate(files):
                 waiting.append(self.parquet.read_table(file))

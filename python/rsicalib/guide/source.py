@@ -14,6 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -24,6 +25,9 @@ from rsicalib.io.sources import LONGEST_LINE
 POLL_S = 0.05
 """Between two looks at a file that grows."""
 
+ENDS_S = 0.5
+"""In which a command ends that is asked to."""
+
 WAITING = 100_000
 """Lines that wait to be taken, at most: a source that is faster waits itself."""
 
@@ -31,9 +35,15 @@ WAITING = 100_000
 class Lines:
     """Lines of a source, read by a thread of their own so that nobody waits for them."""
 
-    def __init__(self, lines: Iterator[str], stop: threading.Event) -> None:
+    def __init__(
+        self,
+        lines: Iterator[str],
+        stop: threading.Event,
+        process: subprocess.Popen[str] | None = None,
+    ) -> None:
         self._queue: queue.Queue[str | None] = queue.Queue(WAITING)
         self._stop = stop
+        self._process = process
         self.ended = False
         threading.Thread(target=self._read, args=(lines,), daemon=True).start()
 
@@ -45,6 +55,8 @@ class Lines:
                 self._queue.put(line)
         finally:
             self._queue.put(None)
+            if self._process is not None and self._process.stdout is not None:
+                self._process.stdout.close()
 
     def take(self, timeout_s: float) -> list[str]:
         """All lines that have arrived; an empty list where none has within the time."""
@@ -62,8 +74,12 @@ class Lines:
         return found
 
     def close(self) -> None:
-        """Stop reading."""
+        """Stop reading, and end the command that writes, which may have nothing to write."""
         self._stop.set()
+        if self._process is not None:
+            self._process.terminate()
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(ENDS_S)
 
 
 def open_source(source: str) -> Lines:
@@ -98,7 +114,7 @@ def open_source(source: str) -> Lines:
         found = f"{source!r}, which is no file and cannot be run ({error})"
         raise InputError(f"--source: found {found}, expected -, a file or a command") from None
     assert process.stdout is not None
-    return Lines(as_json(_of_process(process, process.stdout, stop)), stop)
+    return Lines(as_json(_whole(process.stdout)), stop, process)
 
 
 def started(command: str, stdin: int) -> subprocess.Popen[str]:
@@ -113,18 +129,6 @@ def started(command: str, stdin: int) -> subprocess.Popen[str]:
         encoding="utf-8",
         errors="replace",
     )
-
-
-def _of_process(
-    process: subprocess.Popen[str], out: IO[str], stop: threading.Event
-) -> Iterator[str]:
-    try:
-        for line in _whole(out):
-            if stop.is_set():
-                break
-            yield line
-    finally:
-        process.terminate()
 
 
 def _whole(file: IO[str]) -> Iterator[str]:

@@ -11,8 +11,8 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.log import Column
-from rsicalib.io.cells import COLUMNS, POSE, TEXTS, USED
-from rsicalib.io.tables import Table, quoted, text
+from rsicalib.io.cells import COLUMNS, POSE, TEXTS
+from rsicalib.io.tables import USED, Table, quoted, text
 from rsicalib.io.times import TIME
 from rsicalib.io.units_row import same_unit
 

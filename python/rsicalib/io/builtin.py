@@ -10,6 +10,8 @@ from rsicalib._core import Mechanism
 
 DEFAULT = "rsi"
 """The mechanism that holds where none is given."""
+GIVE_YOURS = f"This is the mechanism {DEFAULT!r}: give yours as mechanism (--mechanism FILE)."
+"""What to do where it holds, and the data are of another one."""
 
 FOLDER = Path(__file__).parents[1] / "mechanisms"
 

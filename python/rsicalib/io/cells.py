@@ -17,13 +17,13 @@ from rsicalib import _core
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.warned import Warned
-from rsicalib.io.tables import Table, is_blank, is_dates, numbers, quoted, text
+from rsicalib.io.builtin import DEFAULT, GIVE_YOURS
+from rsicalib.io.tables import USED, Table, is_blank, is_dates, numbers, quoted, text
 from rsicalib.io.times import TIME, time_column
 from rsicalib.plain_text import meant
 
 POSE = ("x", "y", "z", "rx", "ry", "rz")
 TEXTS = ("group", "at")
-USED = "used"
 COLUMNS = {
     "pose": "Label of a held pose, a whole number; its rows are neighbours. Without this column "
     "every row is a pose of its own: a recording, or poses that were read once each.",
@@ -32,7 +32,7 @@ COLUMNS = {
     "temperature_c": "Temperature [°C]. Without it, effects of temperature are no candidates.",
     USED: "1, or 0 in a row that is not used. Such a row stays part of the session: from where the "
     "next pose was approached, what way was travelled, what time has passed. Without this column "
-    "all rows are used.",
+    "all rows are used. In memory True and False are 1 and 0.",
     "group": "Text: the placement, or whatever `--fit-groups` chooses from.",
     "at": "Text: which unknown point is touched.",
     **{name: "Position of the platform where it is known [length unit]." for name in "xyz"},
@@ -110,7 +110,8 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
     for name in needed:
         if name not in index:
             expected = f"a column '{name}' ({_role(name, mechanism)})"
-            hint = _header_hint(name, table.names, used) + _by_import(name, table, mechanism)
+            hint = _header_hint(name, table.names, used, mechanism)
+            hint += _by_import(name, table, mechanism)
             raise refuse(name, ABSENT, expected, hint)
     poses = [name for name in POSE if name in index and name not in needed]
     missing = [name for name in POSE if name not in index]
@@ -170,7 +171,9 @@ def _role(name: str, mechanism: MechanismLike) -> str:
     return f"a channel of '{mechanism.name}'"
 
 
-def _header_hint(name: str, names: list[str], known: Container[str]) -> str:
+def _header_hint(
+    name: str, names: list[str], known: Container[str], mechanism: MechanismLike
+) -> str:
     """Advice on what may be wrong with the header."""
     for other in names:
         if other.lower() == name.lower():
@@ -180,7 +183,9 @@ def _header_hint(name: str, names: list[str], known: Container[str]) -> str:
     if names and np.isfinite(numbers(names)).all():
         return "The first line holds numbers; put a header line above it."
     hint = meant(name, [other for other in names if other not in known])
-    return f"The columns are: {', '.join(names)[:200]}{hint}."
+    columns = f"The columns are: {', '.join(names)[:200]}{hint}."
+    forgotten = mechanism.name == DEFAULT and not any(c.name in names for c in mechanism.channels)
+    return f"{columns} {GIVE_YOURS}" if forgotten else columns
 
 
 def _by_import(name: str, table: Table, mechanism: MechanismLike) -> str:
@@ -287,7 +292,9 @@ def _unusable(
     if name in mechanism.distance_columns:
         return bad | ~(values > 0.0), "a distance above zero"
     if name in ("pose", "sample"):
-        return ~((values == np.rint(values)) & (np.abs(values) < EXACT)), "an integer"
+        whole, large = values == np.rint(values), np.abs(values) >= EXACT
+        expected = f"an integer below {EXACT:.0f} (2^53) in size"
+        return ~whole | large, expected if (whole & large).any() else "an integer"
     if name == USED and name not in needed_columns(mechanism):
         return ~((values == 0.0) | (values == 1.0)), "0 or 1"
     if name == TIME:

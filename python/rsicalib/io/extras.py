@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from rsicalib.errors import InputError
@@ -62,10 +62,14 @@ def needed(module: str, source: str, what: str) -> Any:
     InputError
         It is not installed; the message says how to install it.
     """
+    name = module.split(".")[0]
+    if name == "pyarrow":
+        # It imports pandas where it first needs it, and would lose a Ctrl-C meanwhile.
+        with suppress(Exception):
+            importlib.import_module("pandas")
     try:
         return importlib.import_module(module)
     except ImportError:
-        name = module.split(".")[0]
         hint = f"Install it with: pip install 'rsicalib[{EXTRAS[name]}]'"
         found = f"{what}, and no {name} to read it"
         raise InputError.at(source, found, name, hint=hint) from None

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,10 +19,12 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 _parts: set[Path] = set()
+_begins = threading.Lock()
+"""Held by whoever begins a file, and by whoever leaves the process."""
 
 
 @contextmanager
-def whole_file(path: str | os.PathLike[str]) -> Iterator[TextIO]:
+def whole_file(path: str | os.PathLike[str], shared: bool = False) -> Iterator[TextIO]:
     """Open a text file that takes its place when everything is written.
 
     The text goes to a file beside `path`, which is then moved to `path`. If the writer fails,
@@ -30,6 +34,9 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[TextIO]:
     ----------
     path : path
         Place of the file; what stands there is replaced.
+    shared : bool
+        Another process, also of another machine, may write the same file at the same time, and
+        the folder may hold many files.
 
     Yields
     ------
@@ -42,12 +49,12 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[TextIO]:
         The file cannot be written there.
     """
     path = Path(path)
-    _remove_left(path.parent)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    _parts.add(part)
+    if not shared:
+        _remove_left(path.parent)
+    own = f".{secrets.token_hex(4)}" if shared else ""
+    part = path.with_name(f".{path.name}{own}.{os.getpid()}.part")
     try:
-        # A name may have bytes that are no text: they are written out.
-        with part.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
+        with _begun(part) as file:
             _lock(file.fileno())
             yield file
         part.replace(path)
@@ -58,6 +65,14 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[TextIO]:
         with contextlib.suppress(OSError):  # of a name that is too long there is no part
             part.unlink(missing_ok=True)
         _parts.discard(part)
+
+
+def _begun(part: Path) -> TextIO:
+    """Open a file that is to be removed if the process leaves; wait while it leaves."""
+    with _begins:
+        _parts.add(part)
+        # A name may have bytes that are no text: they are written out.
+        return part.open("w", encoding="utf-8", errors="backslashreplace", newline="")
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> Path:
@@ -123,7 +138,14 @@ def _is_left(part: Path) -> bool:
         return _lock(file.fileno())
 
 
-def forget_parts() -> None:
-    """Remove what an interrupted write has left."""
-    for part in list(_parts):
-        part.unlink(missing_ok=True)
+@contextmanager
+def without_parts() -> Iterator[None]:
+    """Remove what is half written, and let no thread begin a file in the meantime.
+
+    A process that leaves at once leaves within it.
+    """
+    with _begins:
+        for part in list(_parts):
+            with contextlib.suppress(OSError):
+                part.unlink(missing_ok=True)
+        yield

@@ -19,7 +19,6 @@ from rsicalib.errors import InputError
 from rsicalib.io.cells import (
     POSE,
     TEXTS,
-    USED,
     Fault,
     MechanismLike,
     meaning_of,
@@ -35,6 +34,7 @@ from rsicalib.io.repeats import numbered
 from rsicalib.io.samples import Part, Samples, Skipped, frozen, picked
 from rsicalib.io.suspicions import suspicions
 from rsicalib.io.tables import (
+    USED,
     Table,
     read_file,
     table_of_arrays,

@@ -30,6 +30,8 @@ CHUNK = 1 << 25
 """Bytes of a CSV file that are read at a time."""
 
 BOM = b"\xef\xbb\xbf"
+USED = "used"
+"""The column that says which rows are used."""
 HINT = "Save the file as CSV in UTF-8."
 
 
@@ -353,6 +355,8 @@ def _array(given: object, column: str | None, source: str) -> npt.NDArray[Any]:
         array = uncast(given)
     except ValueError as error:
         raise InputError.at(source, str(error), "an array", column=column) from None
+    if array.dtype.kind == "b" and column == USED:
+        array = array.astype(np.int64)
     if array.dtype.kind not in "iufUOmM":
         found = f"type {array.dtype}"
         raise InputError.at(source, found, "numbers", column=column)

@@ -176,10 +176,10 @@ def _placed(
     sd: bool,
 ) -> Places:
     loaded = open_mechanism(mechanism, calibration)
-    one = readings_for(readings, loaded, skip_bad_rows)
-    result = None
-    if calibration is not None:
-        result, loaded = earlier_result(calibration, loaded)
+    drawn, result = loaded, None
+    if calibration is not None:  # first: of another mechanism the readings are, too
+        result, loaded = earlier_result(calibration, drawn)
+    one = readings_for(readings, drawn, skip_bad_rows)
     if result is not None and not sd:
         warn_of_open_loops(one, loaded, result)
     return places(one, loaded, result, sd=sd)

@@ -74,8 +74,9 @@ def history(
     opened = open_mechanism(mechanism)
     read, left_out, opened = _read(place, opened)
     if not read:
-        reasons = "; ".join(f"{one.file}: {one.reason}" for one in left_out[:3]) or "no *.json"
-        raise InputError.at(str(folder), reasons, "a result with a date")
+        found = "no result that can be used" if left_out else "no *.json"
+        why = " ".join(f"{one.file}: {one.reason.removesuffix('.')}." for one in left_out[:3])
+        raise InputError.at(str(folder), found, "a result with a date", hint=why)
     chosen = _device(read) if device is None else device
     own = [(name, result) for name, result in read if result.device == chosen]
     left_out += [

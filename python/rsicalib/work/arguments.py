@@ -16,7 +16,7 @@ from rsicalib.facts.warned import Warned
 from rsicalib.imports.kinds import format_of
 from rsicalib.imports.log import Log
 from rsicalib.imports.opening import import_log
-from rsicalib.io.builtin import BUILTIN, DEFAULT
+from rsicalib.io.builtin import BUILTIN, DEFAULT, GIVE_YOURS
 from rsicalib.io.folders import OF_LOG
 from rsicalib.io.frames import ArraysArg, FrameArg, as_table, in_memory
 from rsicalib.io.readings import Readings, load_readings
@@ -187,8 +187,7 @@ def _log(
     try:
         return import_log(readings, mechanism=mechanism, skip_bad_rows=skip)
     except InputError as error:  # what was recorded is of another machine
-        hint = f"This is the mechanism {DEFAULT!r}: give yours as mechanism (--mechanism FILE)."
-        raise InputError(f"{error.message} {hint}", error.where) from None
+        raise InputError(f"{error.message} {GIVE_YOURS}", error.where) from None
 
 
 def load(readings: ReadingsArg, mechanism: Any, skip: bool) -> Readings:
