@@ -14,7 +14,7 @@ use crate::design::precision::{Known, Precision};
 use crate::design::reach::readings_at;
 use crate::estimate::paper::Layout;
 use crate::estimate::{FitOptions, Observations};
-use crate::mechanism::{Channel, Mechanism};
+use crate::mechanism::{Channel, Mechanism, ModelSection};
 use crate::numerics::random::Random;
 use crate::numerics::workers;
 use crate::readings::Table;
@@ -143,9 +143,9 @@ pub fn plan(
     let choose = |rows: &Whitened, found: &Candidates, start: &[usize]| {
         choice.of(Known { precision: precision.clone(), rows }, found, start)
     };
-    let (mut first, count) = (Random::new(options.seed), found.len());
+    let count = found.len();
     let starts: Vec<Vec<usize>> =
-        (0..options.starts).map(|_| first.choose(options.poses, count)).collect();
+        (0..options.starts).map(|_| random.choose(options.poses, count)).collect();
     let (found, _, chosen) = refined(choose, rows_of, (found, rows), &starts, &space, &mut random)?;
     let planned = found.some(&chosen);
     Ok(Plan {
@@ -203,15 +203,17 @@ pub fn bound(
     bound_at(mechanism, &readings, offsets, gains, &sigma(mechanism, noise))
 }
 
-/// A session of the poses visited already, with offsets and gains as given; without any, one of a row
-/// that does not count.
+/// A session of the poses visited already, with offsets and gains as given and no other term; without
+/// any, one of a row that does not count.
 fn session(
     mechanism: &Mechanism,
     offsets: &[f64],
     gains: &[f64],
     beside: &[f64],
 ) -> Result<Observations, Error> {
-    let mut calibrated = mechanism.clone();
+    let (columns, laws) = (Vec::new(), Vec::new());
+    let mut calibrated =
+        Mechanism { columns, laws, model: ModelSection::default(), ..mechanism.clone() };
     for (channel, (offset, gain)) in calibrated.channels.iter_mut().zip(offsets.iter().zip(gains)) {
         (channel.offset, channel.gain) = (*offset, *gain);
     }
