@@ -96,6 +96,14 @@ def test_other_mechanisms_may_have_no_workspace() -> None:
     assert np.all(np.abs(found.poses[:, :2]) <= 2)
 
 
+def test_a_column_that_laws_use_is_not_asked_for() -> None:
+    columns = [{"name": "load", "unit": "kg"}]
+    machines = [oracle.rsi(), oracle.rsi() | {"name": "another", "column": columns}]
+    mechanisms = [_core.Mechanism.from_dict(plain(machine)) for machine in machines]
+    one, other = (plan(m, poses=9, candidates=200, starts=1) for m in mechanisms)
+    assert np.array_equal(one.poses, other.poses)
+
+
 def test_options_that_cannot_be_used_are_refused() -> None:
     with pytest.raises(InputError, match="at least 9"):
         plan(poses=3)

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use pythonize::{depythonize, pythonize};
 use rsicalib::Error;
-use rsicalib::design::exchange::Criterion;
+use rsicalib::design::criterion::Criterion;
 use rsicalib::design::further as planning_further;
 use rsicalib::design::further::{Explained, FurtherOptions};
 use rsicalib::design::guided::{self, Progress};
@@ -67,14 +67,13 @@ pub fn plan<'py>(
     starts: i64,
     seed: i64,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let count = |name, value: i64| usize::try_from(value).map_err(|_| negative(name, value));
     let options = PlanOptions {
-        poses: count("poses", poses).map_err(PyError::from)?,
+        poses: count("poses", poses)?,
         beside: beside.as_ref().map(flat).unwrap_or_default(),
         within,
         criterion: Criterion::find(criterion).map_err(PyError::from)?,
-        candidates: count("candidates", candidates).map_err(PyError::from)?,
-        starts: count("starts", starts).map_err(PyError::from)?,
+        candidates: count("candidates", candidates)?,
+        starts: count("starts", starts)?,
         seed: seed.cast_unsigned(),
         noise,
     };
@@ -161,14 +160,13 @@ pub fn further<'py>(
     seed: i64,
     target: Option<f64>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let count = |name, value: i64| usize::try_from(value).map_err(|_| negative(name, value));
     let default = FurtherOptions::default();
-    let drawn = candidates.map(|value| count("candidates", value)).transpose();
+    let drawn = candidates.map(|value| count("candidates", value)).transpose()?;
     let options = FurtherOptions {
-        poses: count("poses", poses).map_err(PyError::from)?,
+        poses: count("poses", poses)?,
         criterion: criterion.map(Criterion::find).transpose().map_err(PyError::from)?,
         within,
-        candidates: drawn.map_err(PyError::from)?.unwrap_or(default.candidates),
+        candidates: drawn.unwrap_or(default.candidates),
         off: off.as_ref().map(flat).unwrap_or_default(),
         from: from_.as_ref().map(vector),
         way: way.unwrap_or(default.way),
@@ -208,6 +206,6 @@ pub fn further<'py>(
     Ok(out)
 }
 
-fn negative(name: &'static str, value: i64) -> Error {
-    Error::option(name, value, "at least 1")
+fn count(name: &'static str, value: i64) -> Result<usize, PyError> {
+    Ok(usize::try_from(value).map_err(|_| Error::option(name, value, "at least 1"))?)
 }

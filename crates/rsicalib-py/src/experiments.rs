@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use pythonize::pythonize;
 use rsicalib::Error;
-use rsicalib::design::information::Candidates;
+use rsicalib::design::bound as bounds;
 use rsicalib::design::observability::{Measures, Scaling};
 use rsicalib::design::reach;
 use rsicalib::design::within_limits::within_limits as configurations;
@@ -230,11 +230,7 @@ pub fn bound<'py>(
     let mechanism = only(&mechanism.0, closures).map_err(PyError::from)?;
     let (offsets, gains, sigma) = (vector(&offsets), vector(&gains), vector(&sigma));
     let counts = flat(&counts);
-    done_as_value(py, || {
-        let poses = Candidates::new(&mechanism, counts, &offsets, &gains, &sigma)?;
-        let all: Vec<usize> = (0..poses.len()).collect();
-        Ok::<_, Error>(poses.bound(&all))
-    })
+    done_as_value(py, || bounds::bound(&mechanism, &counts, &offsets, &gains, &sigma))
 }
 
 /// Means of samples of exact readings of shape (n, channels), with noise `sigma` [readings], rounded to

@@ -20,7 +20,7 @@ mod threads;
 use pyo3::PyClass;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use rsicalib::design::exchange::CRITERIA;
+use rsicalib::design::criterion::CRITERIA;
 use rsicalib::design::identifiability::COMPLETE;
 use rsicalib::design::observability::SCALINGS;
 use rsicalib::design::plan::MARGIN;

@@ -3,8 +3,8 @@
 use crate::paper::{TABLE_II, counts_of, rsi_parameters, table_iii};
 use nalgebra::{DMatrix, DVector};
 use rsicalib::Error;
-use rsicalib::design::exchange::Criterion;
-use rsicalib::design::information::{Bound, Candidates};
+use rsicalib::design::bound::{Bound, bound};
+use rsicalib::design::criterion::Criterion;
 use rsicalib::design::observability::{Scaling, observability};
 use rsicalib::design::plan::{self, MARGIN, PlanOptions, plan};
 use rsicalib::design::reach::readings_at;
@@ -13,11 +13,10 @@ use rsicalib::mechanism::{Mechanism, hand_controller};
 
 const SIGMA: [f64; 9] = [1.0, 1.2, 0.8, 1.0, 1.0, 1.5, 1.0, 0.7, 1.0];
 
-fn candidates(poses: &[[f64; 6]]) -> (Candidates, Vec<f64>) {
+fn bound_of(poses: &[[f64; 6]]) -> (Bound, Vec<f64>) {
     let (offsets, gains) = rsi_parameters(0.0, 0.0);
     let counts = counts_of(poses, &offsets, &gains);
-    let made = Candidates::new(&Mechanism::rsi(), counts.clone(), &offsets, &gains, &SIGMA);
-    (made.expect("poses"), counts)
+    (bound(&Mechanism::rsi(), &counts, &offsets, &gains, &SIGMA).expect("poses"), counts)
 }
 
 /// Root mean square of the offsets' standard deviations.
@@ -49,8 +48,7 @@ fn both() -> Vec<[f64; 6]> {
 
 #[test]
 fn the_bound_is_the_inverse_of_the_information() {
-    let (made, counts) = candidates(&both());
-    let bound = made.bound(&(0..24).collect::<Vec<_>>());
+    let (bound, counts) = bound_of(&both());
     let known = covariance(&counts);
     for c in 0..9 {
         // Squared condition number 1e4, rounding 1e-16.
@@ -61,48 +59,9 @@ fn the_bound_is_the_inverse_of_the_information() {
 
 #[test]
 fn poses_that_cannot_tell_have_no_bound() {
-    let (made, _) = candidates(&both());
-    let bound = made.bound(&[0, 1, 2, 3]); // 12 equations
+    let (bound, _) = bound_of(&both()[..4]); // 12 equations
     assert!(bound.offset_sd.iter().all(|sd| sd.is_infinite()));
     assert!(offset_rms(&bound).is_infinite());
-}
-
-#[test]
-fn no_single_exchange_improves_a_plan() {
-    let (made, counts) = candidates(&both());
-    for criterion in [Criterion::Offsets, Criterion::Volume] {
-        let (chosen, score) = made.exchange(&(0..9).collect::<Vec<_>>(), &[20], criterion);
-        assert_eq!(chosen.len(), 9);
-        let judge = |chosen: &[usize]| {
-            let rows: Vec<f64> = chosen
-                .iter()
-                .chain(&[20])
-                .flat_map(|&p| counts[p * 9..(p + 1) * 9].to_vec())
-                .collect();
-            let c = covariance(&rows);
-            match criterion {
-                Criterion::Volume => {
-                    let d: Vec<f64> = (0..18).map(|i| c[(i, i)].sqrt()).collect();
-                    let unit = DMatrix::from_fn(18, 18, |i, j| c[(i, j)] / (d[i] * d[j]));
-                    unit.determinant().ln() + 2.0 * d.iter().map(|d| d.ln()).sum::<f64>()
-                }
-                _ => (0..9).map(|i| c[(i, i)]).sum(),
-            }
-        };
-        let here = judge(&chosen);
-        if criterion == Criterion::Offsets {
-            assert!((score / here - 1.0).abs() < 1e-6, "{score} is not {here}");
-        }
-        for place in 0..chosen.len() {
-            for other in (0..24).filter(|p| *p != 20) {
-                let mut changed = chosen.clone();
-                changed[place] = other;
-                let there = judge(&changed);
-                // Rounding, and the faint prior that lets any start be improved.
-                assert!(there > here - 1e-5 * here.abs(), "{place} -> {other}: {there} < {here}");
-            }
-        }
-    }
 }
 
 #[test]
@@ -144,23 +103,6 @@ fn observability_orders_the_paper_s_poses_as_the_paper_does() {
     assert!(together.unobservable.is_empty());
     // Four poses: 12 equations, six directions open.
     assert_eq!(of(&TABLE_II[..4]).measures.o3, 0.0);
-}
-
-#[test]
-fn two_poses_beside_others_are_the_best_of_all_pairs() {
-    let (made, counts) = candidates(&both());
-    let kept: Vec<usize> = (0..10).collect();
-    let judge = |pair: [usize; 2]| {
-        let rows = kept.iter().chain(&pair).flat_map(|&p| counts[p * 9..(p + 1) * 9].to_vec());
-        let c = covariance(&rows.collect::<Vec<_>>());
-        (0..9).map(|i| c[(i, i)]).sum::<f64>()
-    };
-    let pairs = (10..24).flat_map(|a| (10..=a).map(move |b| [a, b]));
-    let least = pairs.map(judge).fold(f64::INFINITY, f64::min);
-    let starts = [[10, 11], [15, 20], [23, 12], [18, 18]];
-    let found = starts.map(|start| made.exchange(&start, &kept, Criterion::Offsets).0);
-    let best = found.iter().map(|f| judge([f[0], f[1]])).fold(f64::INFINITY, f64::min);
-    assert!((best / least - 1.0).abs() < 1e-6, "{best} is not {least}");
 }
 
 #[test]

@@ -100,7 +100,8 @@ def plan(
     Candidates are drawn from a box, within reach, joint limits and ranges. Beside a result, poses
     are chosen under its model by eqs. (93) to (96) of `docs/model.md`, one after the other with a
     round of exchange. Without one, offsets and gains alone are unknown: from several starts, poses
-    are exchanged for candidates until no exchange helps, and the best plan is kept.
+    are exchanged for candidates until no exchange helps, and the best plan is kept. In a box, the
+    poses are then refined among others around them.
 
     Parameters
     ----------

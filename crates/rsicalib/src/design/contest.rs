@@ -23,6 +23,7 @@
 
 use faer::{Mat, Side};
 
+use crate::design::choice::Measure;
 use crate::design::linearised::Whitened;
 use crate::numerics::workers;
 
@@ -187,9 +188,11 @@ impl Contest {
     }
 }
 
-/// All candidates, with what each would add: updated pose by pose instead of computed again.
+/// A contest, and what each of all candidates would add to it: updated pose by pose instead of computed
+/// again.
 #[derive(Debug)]
 pub(crate) struct Field<'a> {
+    contest: Contest,
     /// Rows of each rival, candidate by candidate.
     rows: &'a [Whitened],
     /// `I + W C Wᵀ`, candidate by candidate, rival by rival.
@@ -207,6 +210,7 @@ impl<'a> Field<'a> {
         let m = rows.len();
         let (count, k) = rows.first().map_or((0, 0), |r| (r.len(), r.equations));
         let mut field = Self {
+            contest: contest.clone(),
             rows,
             spreads: vec![0.0; count * m * k * k],
             misfits: vec![0.0; count * m * m * k],
@@ -260,7 +264,7 @@ impl<'a> Field<'a> {
     }
 
     /// Brings all candidates up to date with a change of the contest.
-    pub fn update(&mut self, change: &Change) {
+    fn update(&mut self, change: &Change) {
         let (rows, m, k) = (self.rows, self.m, self.k);
         self.each(|candidate, spreads, misfits| {
             let mut moved = vec![0.0; k * k];
@@ -299,8 +303,8 @@ impl<'a> Field<'a> {
 
     /// (96) with one of the candidates more.
     #[must_use]
-    pub fn criterion(&self, contest: &Contest, candidate: usize) -> f64 {
-        let (m, k) = (self.m, self.k);
+    pub fn criterion(&self, candidate: usize) -> f64 {
+        let (contest, m, k) = (&self.contest, self.m, self.k);
         let mut gains = vec![0.0; m * m];
         let mut factor_of = vec![0.0; k * k];
         let mut e = vec![0.0; k];
@@ -317,6 +321,31 @@ impl<'a> Field<'a> {
         }
         contest.sum(|ab| contest.lambda[ab] + gains[ab])
     }
+}
+
+impl Measure for Field<'_> {
+    fn now(&self) -> f64 {
+        logarithm(self.contest.criterion())
+    }
+
+    fn with(&self, candidate: usize) -> f64 {
+        logarithm(self.criterion(candidate))
+    }
+
+    fn take(&mut self, candidate: usize) {
+        let change = self.contest.visit(&self.rows_of(candidate));
+        self.update(&change);
+    }
+
+    fn leave(&mut self, candidate: usize) {
+        let change = self.contest.leave(&self.rows_of(candidate));
+        self.update(&change);
+    }
+}
+
+/// `ln` of (96).
+pub(crate) fn logarithm(criterion: f64) -> f64 {
+    criterion.max(1e-300).ln()
 }
 
 /// The inverse of an information matrix in which every direction has at least a trace.
@@ -340,7 +369,8 @@ pub(crate) fn inverse_of(information: &Mat<f64>) -> Mat<f64> {
     &root * root.transpose()
 }
 
-fn flat(m: &Mat<f64>) -> Vec<f64> {
+/// Row by row.
+pub(crate) fn flat(m: &Mat<f64>) -> Vec<f64> {
     (0..m.nrows()).flat_map(|i| (0..m.ncols()).map(move |j| m[(i, j)])).collect()
 }
 
@@ -385,7 +415,7 @@ pub(crate) fn spread(w: Rows<'_>, inverse: &[f64], sign: f64) -> (Vec<f64>, Vec<
 }
 
 /// Cholesky of the lower triangle, in place.
-fn factor(g: &mut [f64], k: usize) {
+pub(crate) fn factor(g: &mut [f64], k: usize) {
     for j in 0..k {
         for i in j..k {
             let done: f64 = (0..j).map(|l| g[i * k + l] * g[j * k + l]).sum();
@@ -470,11 +500,16 @@ mod tests {
         let mut field = Field::new(&contest, &rows);
         for (step, candidate) in [2, 5, 2].into_iter().enumerate() {
             let own = field.rows_of(candidate);
-            let change = if step == 2 { contest.leave(&own) } else { contest.visit(&own) };
-            field.update(&change);
+            if step == 2 {
+                contest.leave(&own);
+                field.leave(candidate);
+            } else {
+                contest.visit(&own);
+                field.take(candidate);
+            }
             for other in 0..count {
                 let anew = contest.criterion_with(&field.rows_of(other));
-                assert!((field.criterion(&contest, other) / anew - 1.0).abs() < 1e-9);
+                assert!((field.criterion(other) / anew - 1.0).abs() < 1e-9);
             }
         }
         assert_eq!(field.len(), 7);

@@ -8,8 +8,8 @@ use faer::Mat;
 use crate::Error;
 use crate::estimate::{Fit, Implicit, Noise, Observations, Part, carry_over};
 use crate::mechanism::{Mechanism, list};
-use crate::model::{Instance, Model, Unknown};
-use crate::readings::Readings;
+use crate::model::{Instance, Model, Unknown, parse};
+use crate::readings::{Readings, Table};
 
 /// Rows `W = L⁻¹ X` of some samples.
 #[derive(Debug, Clone, Default)]
@@ -86,6 +86,32 @@ impl<'a> Linearised<'a> {
         Ok(Self { session, model, beta, noise: best.assumed() })
     }
 
+    /// Of offsets and gains, as the mechanism of a session has them, with this noise
+    /// of each channel; `readings` show which equations follow from others.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::about`].
+    pub(crate) fn of_offsets_and_gains(
+        session: &'a Observations,
+        readings: &Readings,
+        sigma: Vec<f64>,
+    ) -> Result<Self, Error> {
+        let mechanism = &session.mechanism;
+        let instances = parse(mechanism, readings, &["offset".into(), "gain".into()])?;
+        let zero = vec![0.0; mechanism.channels.len()];
+        let model = Model::about(None, mechanism, readings, instances, &zero)?;
+        let beta = model.nominal();
+        Ok(Self { session, model, beta, noise: Noise::declared(sigma) })
+    }
+
+    /// True where all is as drawn, and a platform is carried.
+    pub(crate) fn is_as_drawn(&self) -> bool {
+        !self.model.mechanism.platform.is_empty()
+            && self.model.unknowns.is_empty()
+            && self.beta.iter().all(|change| *change == 0.0)
+    }
+
     /// The parameters of another model of the session among those of this model.
     pub(crate) fn columns_of(&self, other: &Model) -> Vec<usize> {
         let at = |instance: &Instance| {
@@ -102,6 +128,16 @@ impl<'a> Linearised<'a> {
         let part = Part { model: &self.model, readings, weights };
         let same: Vec<usize> = (0..self.model.parameters).collect();
         self.whitened(part, &same)
+    }
+
+    /// Readings of candidates, beside those of the session.
+    ///
+    /// # Errors
+    ///
+    /// As [`Readings::beside`].
+    pub(crate) fn readings(&self, table: &Table) -> Result<Readings, Error> {
+        let session = self.session;
+        Readings::beside(&session.mechanism, table.clone(), &session.readings)
     }
 
     /// Rows of other samples, one for each.

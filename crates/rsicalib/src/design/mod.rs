@@ -1,13 +1,19 @@
 //! Which poses to visit, and what they can tell.
+//!
+//! A plan draws `candidates`, makes their rows at one point (`linearised`), and has poses chosen
+//! (`choice`) that make its criterion small: a variance (`precision`) or the probability of a wrong
+//! decision (`contest`).
 
+pub mod bound;
+mod candidates;
+mod choice;
 mod contest;
-pub mod exchange;
+pub mod criterion;
 mod forecast;
 pub mod further;
 pub mod guided;
 mod hidden;
 pub mod identifiability;
-pub mod information;
 mod linearised;
 mod moments;
 pub mod observability;
@@ -15,8 +21,8 @@ pub mod plan;
 mod precision;
 pub mod purpose;
 pub mod reach;
-mod reachable;
+mod rivals;
 pub mod suppose;
-mod tour;
 pub mod until;
+mod visits;
 pub mod within_limits;

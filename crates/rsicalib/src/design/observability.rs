@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use crate::Error;
-use crate::design::information::Candidates;
+use crate::design::bound::information;
 use crate::error::index_of;
 use crate::estimate::directions::{Direction, Directions, Label, describe};
 use crate::estimate::paper::Paper;
@@ -137,8 +137,8 @@ pub fn observability(
         .collect();
     // In words: what one unit of noise per reading leaves open.
     let sigma: Vec<f64> = mechanism.channels.iter().map(|c| c.noise.unwrap_or(1.0)).collect();
-    let told = Candidates::new(mechanism, counts.to_vec(), offsets, gains, &sigma)?;
-    let Directions { unobservable, weak, .. } = describe(&told.gram(), &labels);
+    let told = information(mechanism, counts, offsets, gains, &sigma)?;
+    let Directions { unobservable, weak, .. } = describe(&told, &labels);
     Ok(Observability {
         measures: Measures::of(&singular, rows),
         singular_values: singular,

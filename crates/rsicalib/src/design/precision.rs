@@ -10,11 +10,15 @@
 
 use faer::Mat;
 
-use crate::design::contest::{Rows, forward, inverse_of, spread};
+use crate::design::choice::Measure;
+use crate::design::contest::{Rows, factor, flat, forward, inverse_of, spread};
+use crate::design::linearised::Whitened;
 
 /// What is known after some poses.
 #[derive(Debug, Clone)]
 pub(crate) struct Precision {
+    /// `N` = `C⁻¹`.
+    pub(crate) information: Mat<f64>,
     /// `C`, row by row.
     inverse: Vec<f64>,
     omega: Option<Mat<f64>>,
@@ -31,81 +35,75 @@ impl Precision {
     /// Of information `N`, priors included.
     #[must_use]
     pub fn new(information: &Mat<f64>, omega: Option<Mat<f64>>) -> Self {
-        let n = information.nrows();
-        let c = inverse_of(information);
-        let inverse = (0..n * n).map(|ij| c[(ij / n, ij % n)]).collect();
-        let mut made = Self { inverse, omega, product: Vec::new(), trace: 0.0, log_volume: 0.0, n };
+        let mut made = Self {
+            information: information.clone(),
+            inverse: flat(&inverse_of(information)),
+            omega,
+            product: Vec::new(),
+            trace: 0.0,
+            log_volume: 0.0,
+            n: information.nrows(),
+        };
         made.multiply();
         made
     }
 
     fn multiply(&mut self) {
         let n = self.n;
-        self.trace = self.trace();
-        self.product = match &self.omega {
-            None => Vec::new(),
-            Some(omega) => {
-                let c = self.covariance();
-                let product = &c * omega * &c;
-                (0..n * n).map(|ij| product[(ij / n, ij % n)]).collect()
-            }
-        };
-    }
-
-    /// `C`.
-    #[must_use]
-    pub fn covariance(&self) -> Mat<f64> {
-        Mat::from_fn(self.n, self.n, |i, j| self.inverse[i * self.n + j])
-    }
-
-    /// `tr Ω C`; zero for the determinant.
-    #[must_use]
-    pub fn trace(&self) -> f64 {
-        let of = |omega: &Mat<f64>| -> f64 {
-            let n = self.n;
-            (0..n * n).map(|ij| omega[(ij / n, ij % n)] * self.inverse[ij]).sum()
-        };
-        self.omega.as_ref().map_or(0.0, of)
+        let Some(omega) = &self.omega else { return };
+        self.trace = (0..n * n).map(|ij| omega[(ij / n, ij % n)] * self.inverse[ij]).sum();
+        let c = Mat::from_fn(n, n, |i, j| self.inverse[i * n + j]);
+        self.product = flat(&(&c * omega * &c));
     }
 
     /// By how much a pose makes it smaller: `tr Ω C`, or `ln det C`.
     #[must_use]
     pub fn gain(&self, w: Rows<'_>) -> f64 {
-        let (n, k) = (self.n, w.len().checked_div(self.n).unwrap_or(0));
-        let (_, factor) = spread(w, &self.inverse, 1.0);
+        let k = w.len().checked_div(self.n).unwrap_or(0);
+        let mut spread = self.between(w, &self.inverse);
+        (0..k).for_each(|e| spread[e * k + e] += 1.0);
+        factor(&mut spread, k);
         if self.omega.is_none() {
-            return (0..k).map(|e| 2.0 * factor[e * k + e].ln()).sum();
+            return (0..k).map(|e| 2.0 * spread[e * k + e].ln()).sum();
         }
-        // tr((I + W C Wᵀ)⁻¹ W C Ω C Wᵀ), column by column of Wᵀ.
-        let mut inner = vec![0.0; k * k];
-        for (i, line) in self.product.chunks_exact(n.max(1)).enumerate() {
-            for (f, row) in w.chunks_exact(n.max(1)).enumerate() {
-                let along: f64 = line.iter().zip(row).map(|(a, b)| a * b).sum();
-                for e in 0..k {
-                    inner[e * k + f] += w[e * n + i] * along;
-                }
-            }
-        }
-        // L⁻¹ M L⁻ᵀ has the same trace as (L Lᵀ)⁻¹ M.
+        // tr((I + W C Wᵀ)⁻¹ W C Ω C Wᵀ), and L⁻¹ M L⁻ᵀ has the same trace as (L Lᵀ)⁻¹ M.
+        let mut inner = self.between(w, &self.product);
+        let mut column = vec![0.0; k];
         for f in 0..k {
-            let mut column: Vec<f64> = (0..k).map(|e| inner[e * k + f]).collect();
-            forward(&factor, &mut column);
+            (0..k).for_each(|e| column[e] = inner[e * k + f]);
+            forward(&spread, &mut column);
             (0..k).for_each(|e| inner[e * k + f] = column[e]);
         }
-        let mut trace = 0.0;
-        for e in 0..k {
-            let row = &mut inner[e * k..(e + 1) * k];
-            forward(&factor, row);
-            trace += row[e];
+        let trace = inner.chunks_exact_mut(k.max(1)).enumerate().map(|(e, row)| {
+            forward(&spread, row);
+            row[e]
+        });
+        trace.sum()
+    }
+
+    /// `W S Wᵀ` of a symmetric `S`, given row by row.
+    fn between(&self, w: Rows<'_>, s: &[f64]) -> Vec<f64> {
+        let (n, k) = (self.n, w.len().checked_div(self.n).unwrap_or(0));
+        let mut out = vec![0.0; k * k];
+        let mut line = vec![0.0; n];
+        for (e, row) in w.chunks_exact(n.max(1)).enumerate() {
+            // Row by row of `S`: sums that do not wait for each other.
+            line.fill(0.0);
+            for (weight, s) in row.iter().zip(s.chunks_exact(n)) {
+                line.iter_mut().zip(s).for_each(|(l, s)| *l += weight * s);
+            }
+            for (f, other) in w.chunks_exact(n.max(1)).enumerate() {
+                out[e * k + f] = line.iter().zip(other).map(|(l, o)| l * o).sum();
+            }
         }
-        trace
+        out
     }
 
     /// `ln tr Ω C`, or `ln det C` from an arbitrary zero.
     #[must_use]
     pub fn measure(&self) -> f64 {
         match self.omega {
-            Some(_) => self.trace().max(f64::MIN_POSITIVE).ln(),
+            Some(_) => self.trace.max(f64::MIN_POSITIVE).ln(),
             None => self.log_volume,
         }
     }
@@ -134,7 +132,49 @@ impl Precision {
                 self.inverse[i * n + j] -= less;
             }
         }
+        self.information += gram_of(w, n);
         self.multiply();
+    }
+
+    /// Takes a visited pose back. `C` is inverted anew: of few poses each may tell what no other does.
+    pub fn leave(&mut self, w: Rows<'_>) {
+        self.information -= gram_of(w, self.n);
+        self.inverse = flat(&inverse_of(&self.information));
+        let k = w.len().checked_div(self.n).unwrap_or(0);
+        let (_, factor) = spread(w, &self.inverse, 1.0);
+        self.log_volume += (0..k).map(|e| 2.0 * factor[e * k + e].ln()).sum::<f64>();
+        self.multiply();
+    }
+}
+
+/// `WᵀW` of the rows of one pose.
+fn gram_of(rows: Rows<'_>, n: usize) -> Mat<f64> {
+    let w = Mat::from_fn(rows.len().checked_div(n).unwrap_or(0), n, |e, i| rows[e * n + i]);
+    w.transpose() * &w
+}
+
+/// What is known, and the rows of candidates.
+#[derive(Debug, Clone)]
+pub(crate) struct Known<'a> {
+    pub(crate) precision: Precision,
+    pub(crate) rows: &'a Whitened,
+}
+
+impl Measure for Known<'_> {
+    fn now(&self) -> f64 {
+        self.precision.measure()
+    }
+
+    fn with(&self, candidate: usize) -> f64 {
+        self.precision.measure_with(self.rows.of(candidate))
+    }
+
+    fn take(&mut self, candidate: usize) {
+        self.precision.visit(self.rows.of(candidate));
+    }
+
+    fn leave(&mut self, candidate: usize) {
+        self.precision.leave(self.rows.of(candidate));
     }
 }
 
@@ -157,12 +197,17 @@ mod tests {
         let of = |m: &Mat<f64>| trace(&(&omega * invert(m).0));
         let rows: Vec<f64> = (0..8).map(|i| w[(i / 4, i % 4)]).collect();
         let mut found = Precision::new(&information, Some(omega.clone()));
-        assert!((found.trace() / of(&information) - 1.0).abs() < 1e-7);
+        assert!((found.trace / of(&information) - 1.0).abs() < 1e-7);
         assert!((found.gain(&rows) / (of(&information) - of(&more)) - 1.0).abs() < 1e-7);
         found.visit(&rows);
-        assert!((found.trace() / of(&more) - 1.0).abs() < 1e-7);
+        assert!((found.trace / of(&more) - 1.0).abs() < 1e-7);
+        found.leave(&rows);
+        assert!((found.trace / of(&information) - 1.0).abs() < 1e-7);
         let log = |m: &Mat<f64>| m.determinant().ln();
-        let volume = Precision::new(&information, None);
+        let mut volume = Precision::new(&information, None);
         assert!((volume.gain(&rows) / (log(&more) - log(&information)) - 1.0).abs() < 1e-7);
+        volume.visit(&rows);
+        volume.leave(&rows);
+        assert!(volume.measure().abs() < 1e-7);
     }
 }

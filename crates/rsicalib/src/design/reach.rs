@@ -27,7 +27,15 @@ pub(crate) fn has_closed_form(mechanism: &Mechanism) -> bool {
 ///
 /// As [`assembly::inverse`].
 pub fn angles_at(mechanism: &Mechanism, pose: &[f64; 6]) -> Result<Vec<f64>, Error> {
-    match has_closed_form(mechanism) {
+    inverse(mechanism)(pose)
+}
+
+/// [`angles_at`] for many poses of a mechanism.
+pub(crate) fn inverse(
+    mechanism: &Mechanism,
+) -> impl Fn(&[f64; 6]) -> Result<Vec<f64>, Error> + Sync + '_ {
+    let closed = has_closed_form(mechanism);
+    move |pose| match closed {
         true => hand_controller::inverse(pose).map(|angles| angles.concat()),
         false => assembly::inverse(mechanism, pose),
     }

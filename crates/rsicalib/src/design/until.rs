@@ -1,7 +1,7 @@
 //! As few poses as bring the platform to a target.
 
 use crate::Error;
-use crate::design::exchange::Criterion;
+use crate::design::criterion::Criterion;
 use crate::design::further::{Explained, Further, FurtherOptions, further};
 use crate::estimate::Observations;
 
