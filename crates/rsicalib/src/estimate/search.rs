@@ -287,6 +287,11 @@ impl<'a> StartSearch<'a> {
         }
     }
 
+    /// Equations of the samples that the search uses.
+    pub(crate) fn equations(&self) -> f64 {
+        self.model.told_by(&self.readings, &self.weights) as f64
+    }
+
     /// A start with better gains than `factors`: the maximum-likelihood fit with offsets tied to an
     /// anchor. The weights of that fit keep the gains away from zero.
     pub(crate) fn better(

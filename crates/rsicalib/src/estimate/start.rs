@@ -37,7 +37,8 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
             Some(anchor) => search.better(anchor, &factors),
         };
         let end = search.end(&start);
-        tries.push(Try { from: name, cost: end.cost, collapsed: end.score.is_infinite() });
+        let (chi2, collapsed) = (end.score * search.equations(), end.score.is_infinite());
+        tries.push(Try { from: name, cost: end.cost, chi2, collapsed });
         let before = best.as_ref().map_or(f64::INFINITY, |b| b.score);
         if end.score < 0.999 * before {
             agreeing = 0;

@@ -30,6 +30,8 @@ pub struct Try {
     pub from: Origin,
     /// `fᵀf` where it ended.
     pub cost: f64,
+    /// χ² there by the noise that is assumed, of the samples that the search of starts uses.
+    pub chi2: f64,
     /// True where a gain collapsed to zero.
     pub collapsed: bool,
 }

@@ -131,6 +131,10 @@ pub struct StartReport {
     pub from: String,
     /// `fᵀf` where the start ended.
     pub cost: Option<f64>,
+    /// χ² where it ended, by the noise that is assumed, of the samples that the search of starts uses; null where a
+    /// gain went to zero.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub chi2: Option<f64>,
     /// True where a gain went to zero: the trivial solution.
     #[cfg_attr(feature = "serde", serde(default))]
     pub collapsed: Option<bool>,
@@ -168,6 +172,7 @@ impl StartReport {
         Self {
             from: words::origin(tried.from),
             cost: Some(tried.cost),
+            chi2: Some(tried.chi2).filter(|chi2| chi2.is_finite()),
             collapsed: Some(tried.collapsed),
             anchor: Some(anchor),
             gains: Some(gains),

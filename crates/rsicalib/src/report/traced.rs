@@ -113,6 +113,9 @@ pub struct StepReport {
     /// Why it is not applied.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub not_applied: Option<NotApplied>,
+    /// Probability of the explanations with this effect among `rivals`; null where there are none.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub probability: Option<f64>,
     /// By how much χ² would rise without the term.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub chi2_rise: Option<f64>,
@@ -384,11 +387,12 @@ pub fn traced(
         known.judge(&traced.observations, &applied, &mut after)?;
     }
     before.held_out = left_out(&traced, &small_before, &traced.before);
+    let rivals = rivals_of(&traced);
     let steps = traced
         .found
         .iter()
         .enumerate()
-        .map(|(k, found)| step(&traced, &small_before, k, found, not_applied[k]))
+        .map(|(k, found)| step((&traced, &rivals), &small_before, k, found, not_applied[k]))
         .collect::<Result<Vec<_>, _>>()?;
     after.held_out = match steps.last() {
         Some(last) => last.held_out,
@@ -485,7 +489,7 @@ pub fn traced(
         before,
         steps,
         elsewhere,
-        rivals: rivals_of(&traced),
+        rivals,
         after,
         nominal,
         groups,
@@ -621,7 +625,7 @@ fn no_term(observations: &Observations, id: &str, target: Target) -> Place {
 }
 
 fn step(
-    traced: &Traced,
+    (traced, rivals): (&Traced, &[RivalReport]),
     small_before: &Fit,
     index: usize,
     found: &Found,
@@ -660,6 +664,9 @@ fn step(
     let fitted = fit(&traced.small, instances, Some(&traced.last))?;
     let Place { term, class, target, place, label } = Place::of(observations, &own);
     let points = curve.as_ref().map_or(&[][..], |c| &c.points);
+    let named = Place::of(&traced.small, &found.instance);
+    let with = rivals.iter().filter(|rival| rival.terms.contains(&named));
+    let probability = with.map(|rival| rival.probability).sum();
     Ok(StepReport {
         term,
         class,
@@ -668,6 +675,7 @@ fn step(
         label,
         applied: not_applied.is_none(),
         not_applied,
+        probability: (!rivals.is_empty()).then_some(probability),
         p_value: found.p_value.min(1.0),
         chi2_rise: Some(found.rise),
         parameters: parameters.collect(),

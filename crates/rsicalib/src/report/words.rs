@@ -829,8 +829,9 @@ pub fn unknown_law(mechanism: &Mechanism, law: &UnknownLaw) -> String {
     let others = law.also_of.iter().filter(|other| **other != law.whose);
     let places = std::iter::once(&law.whose).chain(others).take(1 + TOLD_APART);
     let name = places.map(|place| place.name(mechanism)).collect::<Vec<_>>().join(" or ");
-    let next: Vec<String> =
+    let mut next: Vec<String> =
         law.variables.iter().map(|(v, _)| tells(mechanism, *v, law.whose.target)).collect();
+    next.dedup();
     let how = match () {
         () if law.replaces.is_empty() => "may explain it",
         () if law.better() => "explains it better than what was found",
@@ -918,7 +919,9 @@ fn tells(mechanism: &Mechanism, variable: Quantity, target: Target) -> String {
         Quantity::SinceMove(c) => format!("the same poses, {} held longer and shorter", name(c)),
         Quantity::Travelled(_) | Quantity::Time => "the first poses once more at the end".into(),
         Quantity::Torque(c) => format!("the same poses with another weight on {}", name(c)),
-        Quantity::Column(_) => "the same poses with another value of that column".into(),
+        Quantity::Column(_) => {
+            format!("the same poses with another value of {}", quantity(mechanism, variable))
+        }
         Quantity::Temperature => "the same poses, warmer or colder".into(),
     }
 }

@@ -191,7 +191,13 @@ pub fn variables(at: &AtFit, rows: &[usize]) -> Result<Vec<Variable>, Error> {
             add(Variable::of(Quantity::Velocity(c), in_lane(&of)));
         }
     }
-    for k in 0..readings.table.columns.len() {
+    // Where an instrument sees a point is what is to be explained.
+    let seen = |name: &String| {
+        let mut columns = observations.mechanism.points.iter().filter_map(|p| p.columns.as_ref());
+        columns.any(|own| own.contains(name))
+    };
+    let columns = observations.mechanism.value_columns().into_iter().enumerate();
+    for (k, _) in columns.filter(|(_, name)| !seen(name)) {
         let of = |block: usize, lane: usize| readings.columns(block)[k].0[lane];
         add(Variable::of(Quantity::Column(k), in_lane(&of)));
     }
