@@ -76,3 +76,17 @@ def test_belts_whose_columns_are_exchanged_are_said_to_be(order: str) -> None:
 def test_belts_in_metres_for_millimetres_are_implausible() -> None:
     found = rsicalib.calibrate(belts(scale=1e-3), "maslow")
     assert found.verdict == "implausible"
+
+
+def test_a_follower_that_counts_backwards_is_named() -> None:
+    """Its gain is fitted at minus one, and everything closes."""
+    rng = np.random.default_rng(3)
+    joints = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"]
+    leader = rng.uniform(-80.0, 80.0, (80, 5))
+    follower = leader + rng.normal(0.0, 0.5, leader.shape)
+    follower[:, 2] *= -1.0
+    table = {"pose": np.arange(80), **{f"leader_{n}": leader[:, k] for k, n in enumerate(joints)}}
+    table |= {f"follower_{n}": follower[:, k] for k, n in enumerate(joints)}
+    found = rsicalib.calibrate(table, "so101")
+    told = [(w.kind, w.target) for w in found.warnings]
+    assert told == [("reversed", "follower_elbow_flex")]

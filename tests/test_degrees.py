@@ -86,7 +86,8 @@ def test_a_pair_of_arms_in_degrees_is_the_one_in_radians() -> None:
         scale = {"unit": unit, "gain": 1.0, "offset": 0.0}
         values: Values = {"name": "pair", "length_unit": "m"}
         values["channel"] = [{"name": name, **scale} for name in names]
-        values["closure"] = [{"name": "joint", "kind": "equal", "between": [*names]}]
+        joint = {"name": "joint", "kind": "equal", "between": [*names], "noise": 2e-3 * factor}
+        values["closure"] = [joint]
         values["model"] = {"terms": ["offset@follower", "gain@follower"]}
         rows = {"leader": factor * leader, "follower": factor * follower}
         return rsicalib.calibrate(rows, Mechanism(values))
@@ -100,6 +101,9 @@ def test_a_pair_of_arms_in_degrees_is_the_one_in_radians() -> None:
     assert own.value == pytest.approx(np.deg2rad(gain.value), rel=1e-9)
     assert abs(same.value - 0.03) < 5 * same.sd
     assert degrees.fit.rms_misclosure == pytest.approx(plain.fit.rms_misclosure, rel=1e-6)
+    # Noise of the closure is written in degrees, too: 198 degrees of freedom.
+    assert degrees.fit.chi2 == pytest.approx(plain.fit.chi2, rel=1e-6)
+    assert plain.fit.chi2 == pytest.approx(198.0, abs=100.0)
 
 
 def test_what_is_printed_is_what_was_written() -> None:

@@ -21,7 +21,8 @@ impl Mechanism {
     /// joint has `gain = 1.0`, as one in radians, and `offset` and `limits` are degrees of the
     /// joint. They are kept in radians, and the gain in radians per degree; `range` and `noise`
     /// are of a reading, and stay. Of a joint that slides, `gain` is a length per radian of the
-    /// reading, and `offset` and `limits` are lengths.
+    /// reading, and `offset` and `limits` are lengths. The `noise` of two such channels that are to be equal is in
+    /// degrees, too.
     #[must_use]
     pub fn from_written_units(self) -> Self {
         self.converted(f64::to_radians)
@@ -47,6 +48,15 @@ impl Mechanism {
 
     fn converted(mut self, convert: fn(f64) -> f64) -> Self {
         let slides: Vec<bool> = (0..self.channels.len()).map(|c| self.slides(c)).collect();
+        let turned = |name: &String| {
+            let mut channels = self.channels.iter().zip(&slides);
+            channels.any(|(c, slides)| c.name == *name && c.is_in_degrees() && !slides)
+        };
+        for closure in self.closures.iter_mut().filter(|closure| closure.is_of_channels()) {
+            if closure.between.iter().all(turned) {
+                closure.noise = closure.noise.map(convert);
+            }
+        }
         for (channel, slides) in self.channels.iter_mut().zip(slides) {
             if !channel.is_in_degrees() {
                 continue;

@@ -545,7 +545,7 @@ pub struct Closure {
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub channel: Option<String>,
     /// How well the closure itself holds: standard deviation per equation, in length units, of
-    /// equal channels in the unit of their coordinates.
+    /// equal channels in the unit of their coordinates (degrees in the file of two in degrees).
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub noise: Option<f64>,
     /// Standard deviation of the value, in length units.
