@@ -25,10 +25,10 @@ use crate::Error;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
-use crate::estimate::sparse::{Row, reduced};
+use crate::estimate::sparse::{LISTED, Row, reduced};
 use crate::mechanism::Mechanism;
 use crate::model::configurations::{Configurations, linear};
-use crate::model::{Instance, Model, Prior};
+use crate::model::{Instance, Model, Prior, Unknown};
 use crate::numerics::linearization::Problem;
 use crate::numerics::random::Random;
 use crate::numerics::rank::{Spaces, eliminated, scaled, unit};
@@ -39,6 +39,9 @@ use crate::terms::term::{Acts, Placed, Term};
 /// The most that misclosures, a thousandth of the machine at the most, tell of a convention: unit
 /// columns, squared.
 pub(crate) const OPENED: f64 = 1e-6;
+
+/// Standard deviation of an angle of which nothing is known but that it lies within a turn, π/√3 [rad].
+pub(crate) const ANY_ANGLE: f64 = 1.813_799_364_234_217_8;
 
 /// A direction shows itself by more than this part of what its parameters would, did they not cancel:
 /// the root of how well a Gram matrix tells a direction, with room for condition.
@@ -56,6 +59,9 @@ pub(crate) struct Conventions {
     basis: Vec<Vec<f64>>,
     /// Parameters that move no reading, and of which a typical size alone says anything.
     presumed: Vec<usize>,
+    /// Of each of the rows that turns one frame about all that it sees, the angle [rad] by which a change of its
+    /// parameter of one turns it; none for the others.
+    turns: Vec<Option<f64>>,
 }
 
 /// A fit at which conventions are looked for.
@@ -172,7 +178,37 @@ impl Conventions {
         let terms = 0..here.model.term_parameters;
         let device: Vec<usize> = terms.filter(|i| !followers.contains(i)).collect();
         found.rows = reduced(found.basis.clone(), &device, &[]);
+        found.turns = found.rows.iter().map(|row| found.turn(row, here)).collect();
         found
+    }
+
+    /// How far a direction turns a frame about all that it sees, for a change of its parameter of one; none where
+    /// it is another direction, or one of more than that frame.
+    fn turn(&self, (pivot, row): &Row, here: Here<'_>) -> Option<f64> {
+        let terms = here.model.term_parameters;
+        let of = |u: &Unknown| terms + u.first..terms + u.first + u.width;
+        let frame = here.model.unknowns.iter().position(|u| of(u).contains(pivot))?;
+        let own = of(&here.model.unknowns[frame]);
+        let most = row.iter().map(|v| v.abs()).fold(0.0, f64::max);
+        let other = |i: usize| !own.contains(&i) && row[i].abs() > LISTED * most;
+        if (terms..row.len()).any(other) {
+            return None;
+        }
+        let one = self.norms[*pivot];
+        let step: Vec<f64> = row.iter().zip(&self.norms).map(|(v, norm)| v / norm * one).collect();
+        here.model.turn_in_place(frame, here.beta, &step)
+    }
+
+    /// How many turn a frame about all that it sees: play, which joints and the frame both see, tells them.
+    pub(crate) fn number_of_turns(&self) -> usize {
+        self.turns.iter().flatten().count()
+    }
+
+    /// Those that turn a frame about all that it sees, and the others.
+    pub(crate) fn turns_and_others(&self) -> [Vec<&Row>; 2] {
+        let rows = self.rows.iter().zip(&self.turns);
+        let (turns, others): (Vec<_>, Vec<_>) = rows.partition(|(_, turn)| turn.is_some());
+        [turns, others].map(|some| some.into_iter().map(|(row, _)| row).collect())
     }
 
     /// How many there are, but for what moves no reading at all.
@@ -222,15 +258,17 @@ impl Conventions {
     }
 
     /// What holds a parameter of each where it is drawn while a minimum is looked for, places where
-    /// they are in `x`. It tells nothing of anything else.
+    /// they are in `x`. It tells nothing of anything else. A frame that turns about all that it sees is held as
+    /// little as an angle of which nothing is known: two instruments see how far touches are from one line, or
+    /// from one point, and at a wrong angle they would disagree.
     pub(crate) fn holds(&self, model: &Model, x: &[f64]) -> Vec<Prior> {
         let drawn = |p: usize| if p < model.term_parameters { 0.0 } else { x[p] };
-        let hold = |&(column, _): &Row| Prior::Parameter {
+        let hold = |(&(column, _), turn): (&Row, &Option<f64>)| Prior::Parameter {
             column,
             mean: drawn(column),
-            sd: self.norms[column].recip(),
+            sd: turn.map_or_else(|| self.norms[column].recip(), |turn| ANY_ANGLE / turn),
         };
-        self.rows.iter().map(hold).collect()
+        self.rows.iter().zip(&self.turns).map(hold).collect()
     }
 
     /// Those of their parameters that terms have.

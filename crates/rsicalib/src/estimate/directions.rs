@@ -2,6 +2,7 @@
 
 use faer::{Mat, Side};
 
+use crate::estimate::conventions::ANY_ANGLE;
 use crate::estimate::fitted::Fit;
 use crate::estimate::note::Note;
 use crate::estimate::observations::Observations;
@@ -20,6 +21,8 @@ pub struct Directions {
     /// Directions that no reading could ever show: the parameters stay as near to the drawing as
     /// they can.
     pub conventions: Vec<Direction>,
+    /// Turns of frames about one line or one point, on which all lies that they see: only play tells them.
+    pub turns: Vec<Direction>,
     /// Terms without which nothing would be unobservable.
     pub too_many: Vec<Spec>,
     /// Directions with a standard deviation at least a hundred times that of the best direction.
@@ -117,7 +120,8 @@ pub fn directions(observations: &Observations, fit: &Fit) -> Directions {
     let of_terms: Vec<usize> = (0..fit.model.term_parameters).collect();
     let open = reduced(rows.collect(), &of_terms, conventions);
     let held = |(pivot, row): &Row| direction(row, Some(*pivot), &labels, &length);
-    found.conventions = conventions.iter().map(held).collect();
+    [found.turns, found.conventions] =
+        fit.conventions.turns_and_others().map(|rows| rows.into_iter().map(held).collect());
     found.unobservable =
         open.iter().map(|(_, row)| direction(row, None, &labels, &length)).collect();
     let lost: Vec<&str> = lost_offsets(fit).iter().map(|&i| labels[i].name.as_str()).collect();
@@ -136,9 +140,6 @@ pub fn directions(observations: &Observations, fit: &Fit) -> Directions {
     }
     found
 }
-
-/// Standard deviation of an angle of which nothing is known but that it lies within a turn, π/√3 [rad].
-const ANY_ANGLE: f64 = 1.813_799_364_234_217_8;
 
 /// Columns of the offsets of joints that turn, of which a fit knows no more than before.
 fn lost_offsets(fit: &Fit) -> Vec<usize> {

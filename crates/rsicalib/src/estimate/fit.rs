@@ -584,6 +584,8 @@ fn conclude(
         within = scatter.dof;
         dof -= within;
     }
+    // The Gram matrix tells nothing of a turn that play has told.
+    dof -= conventions.number_of_turns() as f64;
     let p_value = (noise.judges() && dof >= 1.0)
         .then(|| distributions::f_tail(chi2 / dof, dof, noise.dof_of_pose()));
 

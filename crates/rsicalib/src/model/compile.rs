@@ -232,6 +232,7 @@ impl Model {
             equations: mechanism.equations(),
             gravity: std::array::from_fn(|i| Lanes::splat(gravity[i])),
             turning: false,
+            seen: Vec::new(),
             instances,
             first,
             term_parameters,
@@ -247,6 +248,7 @@ impl Model {
         model.compile_terms(readings);
         model.compile_chains()?;
         model.compile_closures(readings)?;
+        model.seen = model.mean_seen(readings);
         model.face_undrawn(readings);
         model.leave_out_loose_coordinates(readings);
         model.find_patches(readings);

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use nalgebra::Vector3;
+
 use crate::kinematics::elements::{Element, Source, Way, Weight};
 use crate::kinematics::posture::Lever;
 use crate::mechanism::{ClosureKind, Mechanism, Target};
@@ -237,6 +239,8 @@ pub struct Model {
     /// Largest torque of each load in these readings, by the drawing.
     pub(crate) torques: Vec<f64>,
     pub(crate) gravity: Vec3,
+    /// For each of what is unknown, the mean of the points that it sees as a frame.
+    pub(super) seen: Vec<Vector3<f64>>,
     /// True where a step turns unknown frames about the axes of the base, [`Model::turning`].
     pub(super) turning: bool,
     /// True where a term asks for directions or velocities.

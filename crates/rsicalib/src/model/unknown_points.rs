@@ -1,9 +1,9 @@
 //! What is unknown: placements, known distances between unknown points, and starting positions.
 
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 
 use crate::closures::kind::Given;
-use crate::kinematics::rigid::rigid_fit;
+use crate::kinematics::rigid::{rigid_fit, rigid_fit_near};
 use crate::mechanism::Value;
 use crate::model::compiled::{CompiledClosure, Model};
 use crate::model::ends::{End, Measured};
@@ -174,12 +174,19 @@ impl Model {
                     }
                 }
                 Thing::Frame(f) => {
-                    let drawn = self.mechanism.frames[f].pose.is_some();
-                    let near = as_drawn.as_ref().filter(|_| !drawn).map(|all| &all[k].pairs);
+                    let drawn = self.mechanism.frames[f].pose;
+                    let near = as_drawn.as_ref().filter(|_| drawn.is_none());
+                    let near = near.map(|all| &all[k].pairs);
                     let pairs = Some(pairs).filter(|p| p.len() >= ENOUGH).or(near);
                     if let Some(pairs) = pairs.filter(|pairs| pairs.len() >= ENOUGH) {
                         let (seen, there): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
-                        own.copy_from_slice(&rigid_fit(&seen, &there));
+                        own.copy_from_slice(&match drawn {
+                            Some([.., rx, ry, rz]) => {
+                                let drawn = Rotation3::from_euler_angles(rx, ry, rz);
+                                rigid_fit_near(&seen, &there, &drawn)
+                            }
+                            None => rigid_fit(&seen, &there),
+                        });
                     }
                 }
                 Thing::Point(_) => {}

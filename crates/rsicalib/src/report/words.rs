@@ -634,18 +634,26 @@ pub fn direction(direction: &Direction) -> String {
     }
 }
 
-/// What the data cannot tell: what other poses could, then what no reading could.
+/// What the data cannot tell: what other poses could, then what no reading could, then what play alone tells.
 #[must_use]
 pub fn directions(directions: &Directions) -> Vec<String> {
+    let held = |one: &Direction| match one {
+        Direction::Absent(label) => label.name.clone(),
+        Direction::Together(moves) | Direction::Weak { moves, .. } => moves[0].label.name.clone(),
+    };
     let convention = |one: &Direction| {
-        let held = match one {
-            Direction::Absent(label) => &label.name,
-            Direction::Together(moves) | Direction::Weak { moves, .. } => &moves[0].label.name,
-        };
-        format!("{}; no reading can tell: {held} stays as drawn", direction(one))
+        format!("{}; no reading can tell: {} stays as drawn", direction(one), held(one))
+    };
+    let turn = |one: &Direction| {
+        format!(
+            "{}; places on one line or at one point do not tell it: {} is where the play at them puts it",
+            direction(one),
+            held(one)
+        )
     };
     let open = directions.unobservable.iter().map(direction);
-    open.chain(directions.conventions.iter().map(convention)).collect()
+    let conventions = directions.conventions.iter().map(convention);
+    open.chain(conventions).chain(directions.turns.iter().map(turn)).collect()
 }
 
 /// What could not be looked for, where rows do not tell their order.
