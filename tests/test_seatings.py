@@ -337,6 +337,11 @@ def test_what_is_declared_as_known_is_held_against_the_readings() -> None:
         told = [w.target for w in found.warnings if w.kind == "knowledge"]
         assert len(told) == (target != "")
         assert all(str(name).startswith(target) for name in told)
+    bar = {"name": "bar", "kind": "distance", "between": ["cone[at=Cone]", ends[1]], "value": 1.0}
+    drawn = mechanism(SIGMA, PLAY).to_dict()
+    drawn["closure"] = [*drawn["closure"], bar]
+    found = rsicalib.calibrate(both, Mechanism.from_dict(drawn))
+    assert [w.target for w in found.warnings if w.kind == "unused"] == ["bar"]
 
 
 def test_an_arm_whose_lengths_may_all_be_zero_is_refused() -> None:

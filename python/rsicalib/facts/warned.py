@@ -15,6 +15,7 @@ WarnedKind: TypeAlias = Literal[
     "no_start",
     "same_readings",
     "follow",
+    "unused",
     "knowledge",
     "mirrored",
     "degrees",

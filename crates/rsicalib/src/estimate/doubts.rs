@@ -70,7 +70,18 @@ pub(crate) fn of_closures(model: &Model) -> Vec<Suspicion> {
             && model.equations_of(*k) == 0
     };
     let closures: Vec<usize> = (0..mechanism.closures.len()).filter(unused).collect();
-    if closures.is_empty() { Vec::new() } else { vec![Suspicion::Follow { closures }] }
+    let mut found = Vec::new();
+    if !closures.is_empty() {
+        found.push(Suspicion::Follow { closures });
+    }
+    let used: Vec<usize> = model.links_of_closures().into_iter().map(|(k, _)| k).collect();
+    let links =
+        (0..mechanism.closures.len()).filter(|&k| mechanism.is_link(&mechanism.closures[k]));
+    let closures: Vec<usize> = links.filter(|k| !used.contains(k)).collect();
+    if !closures.is_empty() {
+        found.push(Suspicion::Unused { closures });
+    }
+    found
 }
 
 /// What the noise of a fit is doubted for; `chi2` with its degrees of freedom where they can judge

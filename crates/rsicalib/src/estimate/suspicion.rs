@@ -40,6 +40,11 @@ pub enum Suspicion {
         /// The same with the two exchanged.
         with: f64,
     },
+    /// Distances between unknown points of which no readings touch both.
+    Unused {
+        /// The closures.
+        closures: Vec<usize>,
+    },
     /// The mechanism declares as known what readings have elsewhere.
     Knowledge {
         /// What it declares.

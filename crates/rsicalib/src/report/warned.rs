@@ -88,6 +88,8 @@ pub enum Kind {
     SameReadings,
     /// Distances follow from the other closures.
     Follow,
+    /// Distances between points of which no readings touch both.
+    Unused,
     /// What is declared as known is not what the readings have.
     Knowledge,
     /// An unknown point has an image in a mirror that fits as well.
@@ -269,6 +271,9 @@ fn of_suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> Warned {
         Suspicion::SameReadings { .. } => (Kind::SameReadings, None),
         Suspicion::Follow { closures } => {
             (Kind::Follow, joined(closures.iter().map(closure).collect()))
+        }
+        Suspicion::Unused { closures } => {
+            (Kind::Unused, joined(closures.iter().map(closure).collect()))
         }
         Suspicion::Knowledge { of: Declared::Distance(k), .. } => {
             (Kind::Knowledge, joined(vec![closure(k)]))

@@ -272,6 +272,16 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 if names.len() == 1 { "it is" } else { "they are" },
             )
         }
+        Suspicion::Unused { closures } => {
+            let ends = |k: &usize| {
+                let Closure { name, between: [one, other], .. } = &mechanism.closures[*k];
+                format!(
+                    "the distance of {name} is not used: no readings touch both {one} and {other}"
+                )
+            };
+            let each: Vec<String> = closures.iter().map(ends).collect();
+            format!("{}. Is a label written otherwise in the readings?", each.join("; "))
+        }
         Suspicion::Knowledge { of, off, sd } => knowledge(mechanism, *of, *off, *sd),
         Suspicion::Mirrored { point, name, at, image } => {
             let unit = &mechanism.length_unit;
