@@ -332,6 +332,9 @@ class Start(Record):
     """Where the start began."""
     cost: float | None
     """`fᵀf` where the start ended."""
+    chi2: float | None = field(default=None, metadata=IF_KNOWN)
+    """χ² where it ended, by the noise that is assumed, of the samples that the search of starts
+    uses; null where a gain went to zero."""
     collapsed: bool | None = None
     """True where a gain went to zero: the trivial solution."""
     anchor: str | None = field(default=None, metadata=IF_KNOWN)
@@ -569,6 +572,9 @@ class Step(Effect, Record, repr=False):
     """False where the effect is named, and no part of `parameters`."""
     not_applied: str | None = field(default=None, metadata=IF_KNOWN)
     """Why it is not applied."""
+    probability: float | None = field(default=None, metadata=IF_KNOWN)
+    """Probability of the explanations with this effect among `rivals`; null where there are
+    none."""
     chi2_rise: float | None = field(default=None, metadata=IF_KNOWN)
     """By how much χ² would rise without the term."""
     parameters: tuple[StepParameter, ...] = ()

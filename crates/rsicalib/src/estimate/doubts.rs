@@ -39,7 +39,10 @@ pub(crate) fn of_knowledge(fit: &Fit) -> Vec<Suspicion> {
             .flat_map(|(i, a)| slopes.iter().map(move |(j, b)| a * b * fit.covariance[(*i, *j)]))
             .sum();
         let (told, off) = (1.0 - left, prior.off(&fit.beta));
-        if told < TOLD || slopes.iter().any(|(i, _)| fit.unknowable[*i]) {
+        // A distance does not change with where the whole stands.
+        let lost =
+            matches!(of, Declared::Term(_)) && slopes.iter().any(|(i, _)| fit.unknowable[*i]);
+        if told < TOLD || lost {
             continue;
         }
         let by_chance = 2.0 * normal_cdf(-off.abs() / told.sqrt()) * declared.len() as f64;

@@ -31,7 +31,7 @@ use crate::estimate::progress::Heard;
 use crate::estimate::residuals::Residuals;
 use crate::estimate::significance::LEVEL;
 use crate::estimate::sized::sized;
-use crate::estimate::suspicion::{Closes, Suspicion};
+use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::Start;
 use crate::estimate::turned::turned;
 use crate::estimate::{search, start};
@@ -440,14 +440,6 @@ fn minimum(
                 said.extend(degrees::of_fit(observations, &fit.model, &fit.beta));
             }
             said.extend(miswired::in_other_unit(observations, &noise, fit.chi2 / fit.dof, refit));
-        }
-        // A fit that turned a gain round, and closes, says which channel it is.
-        let turned = search::ratios(&fit.model, &fit.beta).enumerate().filter(|(_, r)| *r < 0.0);
-        let (channels, with): (Vec<usize>, f64) =
-            (turned.map(|(c, _)| c).collect(), fit.chi2 / fit.dof);
-        if no_start && !channels.is_empty() && with < observations.options.good_start {
-            let closes = Closes { with, declared: f64::INFINITY };
-            said.push(Suspicion::Reversed { channels, closes });
         }
         let wired = !fit.warnings.iter().any(|it| it.of_wiring() && !it.is_no_start());
         if wired && !said.iter().any(Suspicion::of_wiring) {

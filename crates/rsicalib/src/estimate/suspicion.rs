@@ -215,6 +215,12 @@ impl Suspicion {
         }
     }
 
+    /// True where what is declared as known is not what the readings have.
+    #[must_use]
+    pub fn is_of_knowledge(&self) -> bool {
+        matches!(self, Self::Knowledge { .. })
+    }
+
     /// True where a frame is not found.
     #[must_use]
     pub fn is_lost(&self) -> bool {

@@ -438,7 +438,7 @@ pub fn traced(
         doubtful: matches!(residual, Residual::Doubtful(_) | Residual::UnknownLaw(_)),
         held_out: after.held_out,
         held_out_before: held_out_before(&traced, &before, &after),
-        predicted: estimates.beforehand(),
+        predicted: estimates.beforehand(&traced.after),
         open_loops,
         check: after.checked(),
         check_declared: nominal.as_ref().and_then(|nominal| after.beside(nominal)),

@@ -181,7 +181,9 @@ fn is_evidence(search: &StartSearch<'_>, mistake: &Mistake, other: &Rewired, end
             let from = anchored(&other.observations, search.model, &factors);
             stays(search.model, channels, [&from, &end.beta])
         }
-        Mistake::Exchanged(_) | Mistake::Reversed(_) => true,
+        // What closes with a gain that has turned says that one is reversed.
+        Mistake::Exchanged(_) => ratios(search.model, &end.beta).all(|ratio| ratio > 0.0),
+        Mistake::Reversed(_) => true,
     }
 }
 
