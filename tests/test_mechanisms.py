@@ -139,32 +139,9 @@ def test_a_file_without_urdf_is_refused_by_line_and_column(folder: Path) -> None
 
 def test_an_expanded_file_is_refused_by_its_entry(folder: Path) -> None:
     path = written(folder, HEAD + CHAIN + REST.replace("at = [1, 0, 0]", "at = [1, 0]"))
-    with pytest.raises(
-        InputError, match=r"m\.toml, line 17: mechanism, point\[1\]\.at: "
-    ) as caught:
+    with pytest.raises(InputError, match=r"m\.toml: mechanism, point\[1\]\.at: ") as caught:
         load_mechanism(path)
     assert caught.value.where is not None and str(caught.value.where["file"]).endswith("m.toml")
-
-
-OTHER_TYPES = {
-    "sd = 0.1": "model.sd: found a value of type float, expected a table",
-    "terms = 3": "model.terms: found a value of type int, expected a list",
-    'sd = {offset = "x"}': "model.sd.offset: found a value of type str, expected a number",
-    "terms = [3]": "model.terms\\[0\\]: found a value of type int, expected text",
-}
-
-
-@pytest.mark.parametrize("line", OTHER_TYPES)
-def test_a_value_of_another_type_is_refused_in_words_with_its_line(line: str, folder: Path) -> None:
-    path = written(folder, HEAD + CHAIN + REST + f"[model]\n{line}\n")
-    number = 1 + path.read_text().splitlines().index(line)
-    place = rf"m\.toml, line {number}: mechanism, {OTHER_TYPES[line]}"
-    with pytest.raises(InputError, match=place) as caught:
-        load_mechanism(path)
-    assert caught.value.where is not None and caught.value.where["line"] == number
-    values = {**tomllib.loads(HEAD + REST), "model": tomllib.loads(line)}
-    with pytest.raises(InputError, match=f"mechanism, {OTHER_TYPES[line]}"):
-        load_mechanism(values)
 
 
 def test_the_builtin_mechanism_has_no_file() -> None:

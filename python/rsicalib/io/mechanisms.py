@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import os
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from rsicalib.io.cells import COLUMNS, POSE
 from rsicalib.io.foreign import refuse_foreign
 from rsicalib.io.mjcf import is_mjcf, mechanism_of_mjcf
 from rsicalib.io.sources import read_text
-from rsicalib.io.toml_text import line_of, parse_toml
+from rsicalib.io.toml_text import parse_toml
 from rsicalib.io.urdf import (
     UrdfChain,
     chain_from_urdf,
@@ -70,7 +69,7 @@ def load_mechanism(source: str | os.PathLike[str] | Mapping[str, Any]) -> Mechan
     expansion_notes : what the rows could not take in.
     """
     if isinstance(source, Mapping):
-        mechanism, file = _of_values(_expanded(dict(source), "mechanism")[0]), "mechanism"
+        mechanism, file = Mechanism.from_dict(_expanded(dict(source), "mechanism")[0]), "mechanism"
     elif isinstance(source, str) and "\n" in source:
         mechanism, file = _of_text(source.removeprefix(MARK), "mechanism"), "mechanism"
     else:
@@ -122,44 +121,16 @@ def _of_text(text: str, name: str) -> Mechanism:
     """The mechanism of a file's text; messages begin with the name."""
     if is_mjcf(text):
         path = name if Path(name).is_file() else text  # a file may include others
-        return _of_values(mechanism_of_mjcf(path)[0])
+        return Mechanism.from_dict(mechanism_of_mjcf(path)[0])
     document = parse_toml(text, name)
     expanded, _ = _expanded(document, name)
     try:
         if expanded is document:
             return Mechanism.from_toml(text)
-        return _of_values(expanded)
+        return Mechanism.from_dict(expanded)
     except InputError as error:
-        at = PLACE.match(error.message)
-        line = None if expanded is document or at is None else line_of(text, at[1])
-        where = Where(file=name, line=line, column=None, found=None, expected=None)
-        place = name if line is None else f"{name}, line {line}"
-        raise InputError(f"{place}: {error.message}", where) from None
-
-
-PLACE = re.compile(r"mechanism, ([\w.\[\]]+): ")
-"""Where the core's message about plain values names one of them."""
-
-OTHER_TYPE = re.compile(
-    r"(?:unexpected type: '(\w+)' object is not an instance of '(\w+)'"
-    r"|TypeError: must be (real number), not (\w+))"
-)
-"""What the core says of a value of another type: its type, and the type that is needed."""
-
-IN_WORDS = {"Mapping": "a table", "Sequence": "a list", "str": "text", "real number": "a number"}
-
-
-def _of_values(values: Mapping[str, Any]) -> Mechanism:
-    """The mechanism of plain values; what has another type is told in words."""
-    try:
-        return Mechanism.from_dict(values)
-    except InputError as error:
-        raise InputError(OTHER_TYPE.sub(_other_type, error.message), error.where) from None
-
-
-def _other_type(said: re.Match[str]) -> str:
-    found, needed = said[1] or said[4], said[2] or said[3]
-    return f"found a value of type {found}, expected {IN_WORDS.get(needed, needed)}"
+        where = Where(file=name, line=None, column=None, found=None, expected=None)
+        raise InputError(f"{name}: {error.message}", where) from None
 
 
 def mechanism_html(mechanism: Mechanism) -> str:

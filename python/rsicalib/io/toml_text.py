@@ -68,36 +68,3 @@ def _refused(message: str, text: str, name: str) -> InputError:
     places = [name, f"line {line}", *([] if column is None else [f"column {column}"])]
     where = Where(file=name, line=line, column=None, found=found, expected=expected)
     return InputError(f"{', '.join(places)}: found {found}, expected {expected}", where)
-
-
-def line_of(text: str, place: str) -> int | None:
-    """The line of a value of a TOML text, or of the table that it stands in; None if not found.
-
-    Examples
-    --------
-    >>> line_of("name = 'a'\\n[model]\\nterms = []\\nsd = 0.1\\n", "model.sd")
-    4
-    >>> line_of("[[point]]\\nat = 0\\n[[point]]\\nat = 1\\n", "point[1].at[0]")
-    4
-    """
-    (outer, at), *rest = PART.findall(place)
-    table, number, found = "", -1, None
-    for line, words in enumerate(text.split("\n"), start=1):
-        header, key = HEADER.match(words), KEY.match(words)
-        if header:
-            table = header[1]
-            number += table == outer
-        here = table == outer and number == int(at or 0)
-        if header and here:
-            found = line
-        elif key and (key[1] == outer if not table else here and rest and key[1] == rest[0][0]):
-            return line
-    return found
-
-
-PART = re.compile(r"(\w+)(?:\[(\d+)\])?")
-"""A key of a place, and the number of its entry."""
-HEADER = re.compile(r"\s*\[+\s*([\w.-]+)")
-"""The head of a table."""
-KEY = re.compile(r"\s*([\w-]+)\s*=")
-"""The name of a value."""

@@ -54,8 +54,9 @@ def readings_for(readings: ReadingsArg, mechanism: Mechanism, skip_bad_rows: boo
     try:
         return load(readings, mechanism, skip_bad_rows)
     except InputError as error:
-        where = error.where or {}
-        if where.get("found") != ABSENT or where.get("column") not in _seen(mechanism):
+        missing = None if error.where is None else error.where["column"]
+        absent = error.where is not None and error.where["found"] == ABSENT
+        if not absent or missing not in _seen(mechanism):
             raise
     found = load(readings, Unseen(mechanism), skip_bad_rows)
     nothing = np.full(len(found.taken), np.nan)

@@ -147,7 +147,7 @@ fn alike(traced: &Traced) -> Option<(f64, f64)> {
 
 /// What is left as so many times the declared noise, where no channel explains it as well, by `best`.
 fn louder(traced: &Traced, best: f64) -> Option<Residual> {
-    let (gain, factor) = alike(traced)?;
+    let (gain, factor) = alike(traced).filter(|_| traced.found.is_empty())?;
     (gain > best + AS_WELL).then_some(Residual::Louder { factor })
 }
 

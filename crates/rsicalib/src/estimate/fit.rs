@@ -111,7 +111,7 @@ pub fn fit(
             "every length free, so that nothing says how long anything is",
             "one length that is known: name `distance` of some closures only, or give one an `sd`",
         )),
-        (None, Ok(found)) if search::is_drawn_together(&found.model, &found.beta) => {
+        (_, Ok(found)) if search::is_drawn_together(&found.model, &found.beta) => {
             Err(Error::option(
                 "terms",
                 "lengths of an arm that may all be zero, so that it touches anything",
