@@ -129,3 +129,14 @@ def _written(character: str) -> str:
 def _code(character: str) -> str:
     code = ord(character)
     return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+
+
+def as_sentence(words: str) -> str:
+    """Words with one full stop at their end.
+
+    Examples
+    --------
+    >>> as_sentence("no date"), as_sentence("no date.")
+    ('no date.', 'no date.')
+    """
+    return f"{words.removesuffix('.')}."

@@ -17,7 +17,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, InputTypeError
 from rsicalib.facts.verdicts import UNUSABLE
 from rsicalib.io.readings import Readings
-from rsicalib.plain_text import meant
+from rsicalib.plain_text import as_sentence, meant
 from rsicalib.planning.platform_sd import readings_at_work
 from rsicalib.report.past import DAY_S, Forecast, History, Jump, LeftOut, Past, Series, days_of
 from rsicalib.results.result import Result
@@ -75,7 +75,7 @@ def history(
     read, left_out, opened = _read(place, opened)
     if not read:
         found = "no result that can be used" if left_out else "no *.json"
-        why = " ".join(f"{one.file}: {one.reason.removesuffix('.')}." for one in left_out[:3])
+        why = " ".join(f"{one.file}: {as_sentence(one.reason)}" for one in left_out[:3])
         raise InputError.at(str(folder), found, "a result with a date", hint=why)
     chosen = _device(read) if device is None else device
     own = [(name, result) for name, result in read if result.device == chosen]

@@ -8,6 +8,7 @@ use crate::diagnosis::score::scored;
 use crate::diagnosis::search::noise::scatter;
 use crate::diagnosis::trace::Traced;
 use crate::diagnosis::unknown_law::UnknownLaw;
+use crate::estimate::noise::source::NOISIER;
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, SURE, probabilities};
@@ -151,11 +152,12 @@ fn louder(traced: &Traced, best: f64) -> Option<Residual> {
     (gain > best + AS_WELL).then_some(Residual::Louder { factor })
 }
 
-/// True where more of the declared noise explains what is left about as well as anything does.
+/// True where more of the declared noise, by no more than it may be too small, explains what is left about as well as
+/// anything does.
 pub(crate) fn may_be_louder(traced: &Traced) -> bool {
     let (own, others) = of_channels(traced, traced.unknown.as_ref());
     let best = traced.isolated.as_ref().map_or(0.0, |it| it.gain).max(own).max(others);
-    alike(traced).is_some_and(|(gain, _)| gain + AS_WELL > best)
+    alike(traced).is_some_and(|(gain, factor)| factor < NOISIER && gain + AS_WELL > best)
 }
 
 /// The effect that came nearest to being named, where chance makes such a one in less
