@@ -347,6 +347,7 @@ def test_what_is_declared_as_known_is_held_against_the_readings() -> None:
 def test_an_arm_whose_lengths_may_all_be_zero_is_refused() -> None:
     drawn = mechanism(SIGMA, PLAY).to_dict()
     drawn["point"][0]["at"] = [0.0, 0.0, 0.0]
-    drawn["model"]["terms"] = ["offset", "link_length", "link_offset"]
+    own = [f"link_length@arm/{k}" for k in (2, 3)] + [f"link_offset@arm/{k}" for k in (4, 5, 6)]
+    drawn["model"]["terms"] = ["offset", *own]
     with pytest.raises(rsicalib.InputError, match="may all be zero"):
         rsicalib.calibrate(cone.session(93, samples=1).table, Mechanism.from_dict(drawn))

@@ -486,12 +486,12 @@ fn knowledge(mechanism: &Mechanism, of: Declared, off: f64, sd: f64) -> String {
                 _ => f64::NAN,
             };
             let by = match declared.or(*noise) {
-                Some(_) => "that is declared",
-                None => "of a thousandth of it, since none is declared",
+                Some(_) => "its declared standard deviation",
+                None => "a thousandth of it, which is taken where no `sd` is declared",
             };
             format!(
-                "the distance of {name} is declared as {} {unit}, and the readings have {} {unit}: {times} \
-                 times the standard deviation {by}. Measure it again, or declare its sd as it is",
+                "the distance of {name} is declared as {} {unit}, and the readings have {} {unit}: they differ by \
+                 {times} times {by}. Measure it again, or declare its `sd`",
                 significant(value, 6),
                 significant(value + off, 6),
                 unit = mechanism.length_unit,
