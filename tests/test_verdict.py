@@ -87,9 +87,31 @@ def test_one_check_pose_that_is_off_by_itself_contradicts(verb: Any) -> None:
     assert found.verdict == "unexplained"
     assert [reason.kind for reason in found.reasons] == ["check_pose"]
     worst = fit_of(found).check.predicted.worst
+    assert worst.pose == found.reasons[0].pose == np.asarray(case.check["pose"])[-1]
     # Of three coordinates one is off by 12, and noise is beside that.
     assert worst.position_rms == pytest.approx(12.0 / np.sqrt(3) * sd, rel=0.3)
     assert worst.p_value < 1e-6
+
+
+@both
+def test_one_check_pose_that_is_so_far_off_that_all_are_is_the_one_that_is_told(verb: Any) -> None:
+    """Of the others the error is as predicted: it is that of the session as it was simulated."""
+    case = trials.staged([31, 0])
+    clean = fit_of(sound(verb)).check.predicted
+    poses = np.array(case.check["poses"], copy=True)
+    labels = np.asarray(case.check["pose"])
+    poses[labels == labels[0], 1] += 300.0 * clean.position_sd
+    found = said(verb, replace(case, check={**case.check, "poses": poses}))
+    (reason,) = found.reasons
+    assert (reason.kind, reason.pose) == ("check_pose", labels[0])
+    assert f"check pose {labels[0]} alone is off by" in found.summary().replace("\n", " ")
+    off = fit_of(found).check.predicted
+    assert off.p_value < 1e-6
+    assert off.worst.others_p_value == pytest.approx(clean.p_value, abs=0.2)
+    # Two that are off are no single one.
+    poses[labels == labels[-1], 1] += 300.0 * clean.position_sd
+    found = said(verb, replace(case, check={**case.check, "poses": poses}))
+    assert [reason.kind for reason in found.reasons] == ["check"]
 
 
 @both

@@ -128,6 +128,10 @@ class Worst(Record):
     """Error of its orientation, root mean square of the three angles (rad)."""
     orientation_sd: float | None = None
     """Predicted standard deviation of that (rad)."""
+    pose: int = None
+    """Its label."""
+    others_p_value: float | None = field(default=None, metadata=IF_KNOWN)
+    """Probability of the errors of all others together; null where there are none."""
 
 
 class Expected(Record):
@@ -249,6 +253,8 @@ class Reason(Record):
     """What was expected in its place."""
     p_value: float | None = None
     """Probability of more by chance."""
+    pose: int | None = field(default=None, metadata=IF_KNOWN)
+    """Label of the known pose that is off alone."""
 
 
 class Changing(Record):

@@ -265,7 +265,9 @@ def sentence(result: ResultShape) -> str:
         leave = "leaves" if len(result.steps) == 1 else "leave"
         leave += " more than noise" if more else " no more than noise"
         if against:
-            why = f"what was found does not hold elsewhere: {reason_words(result, against[0])}"
+            why = reason_words(result, against[0])
+            if against[0].kind not in ("check_pose", "check_pose_orientation"):
+                why = f"what was found does not hold elsewhere: {why}"
             return f"Partly explained: {why}. {capital(missing)} {leave} ({judged})."
         if more:
             where = f"something is left{place_words(result)}"
@@ -654,6 +656,7 @@ def _elsewhere(result: ResultShape) -> list[Reason]:
 def reason_words(result: ResultShape, reason: Reason) -> str:
     """What readings say that a fit has not seen, with the numbers."""
     what, than = REASONS[reason.kind]
+    what = what.format(pose="" if reason.pose is None else f" {reason.pose}")
     turned = dict.fromkeys(("check_orientation", "check_pose_orientation"), " rad")
     units = {"held_out": "", "held_out_before": "", **turned}
     unit = units.get(reason.kind, f" {result.length_unit}")
@@ -666,8 +669,8 @@ REASONS = {
     "open_loops": ("loops of the check readings have a misclosure of", "is that of the session"),
     "check": ("check poses are off by", "is predicted"),
     "check_orientation": ("check poses are turned by", "is predicted"),
-    "check_pose": ("a check pose is off by", "is predicted"),
-    "check_pose_orientation": ("a check pose is turned by", "is predicted"),
+    "check_pose": ("check pose{pose} alone is off by", "is predicted"),
+    "check_pose_orientation": ("check pose{pose} alone is turned by", "is predicted"),
     "check_declared": ("check poses are off by", "with the mechanism as it is declared"),
     "predicted_declared": (
         "check poses are predicted to be off by",

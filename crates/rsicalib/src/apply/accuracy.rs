@@ -26,6 +26,7 @@ use nalgebra::{DMatrix, Vector3};
 
 use crate::Error;
 use crate::apply::slopes::{Slopes, carried_slopes, platform_slopes};
+use crate::estimate::significance::LEVEL;
 use crate::estimate::{Fit, Observations};
 use crate::model::Model;
 use crate::numerics::distributions;
@@ -33,6 +34,9 @@ use crate::readings::{Readings, Table, along, ascending, average, runs_of_poses}
 
 /// Rigid motions that move places by less than this fraction of the most are none: rounding.
 const RANK: f64 = 1e-9;
+
+/// Level of each of the two looks at known poses: at all of them, and at each.
+pub(crate) const KNOWN: f64 = LEVEL / 2.0;
 
 /// Poses of a session at which errors are predicted, at the most.
 pub(crate) const PREDICTED: usize = 16;
@@ -96,9 +100,20 @@ pub struct Worst {
     /// Predicted standard deviation of that (rad).
     #[cfg_attr(feature = "serde", serde(default))]
     pub orientation_sd: Option<f64>,
+    /// Its label; null in a result of an earlier version.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub pose: Option<i64>,
+    /// Probability of the errors of all others together; null where there are none.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub others_p_value: Option<f64>,
 }
 
 impl Worst {
+    /// True where it is off, and the others are off by no more than is predicted.
+    fn is_alone(&self) -> bool {
+        self.p_value <= KNOWN && self.others_p_value.is_some_and(|p| p > KNOWN)
+    }
+
     /// Error and predicted standard deviation of what is off by more of these, and whether that is the
     /// orientation.
     #[must_use]
@@ -129,19 +144,19 @@ impl Predicted {
 }
 
 impl Expected {
-    /// The same with the least probable of the poses, each judged by itself: one that is off alone is lost among
-    /// errors that all share.
+    /// The same with the least probable of the poses: one that is off alone is lost among errors that all share.
+    /// What an effect of the way or of the time does at one known pose is not known as well as at those fitted:
+    /// there a pose is told only where all are off, and no longer without it.
     #[must_use]
-    pub fn with_each(self, each: &[(f64, Option<f64>, Self)]) -> Self {
-        let least = each.iter().min_by(|a, b| a.2.p_value.total_cmp(&b.2.p_value));
-        let worst = least.map(|(position_rms, orientation_rms, one)| Worst {
-            position_rms: *position_rms,
-            position_sd: one.position_sd,
-            orientation_rms: *orientation_rms,
-            orientation_sd: one.orientation_sd,
-            p_value: (one.p_value * each.len() as f64).min(1.0),
-        });
-        Self { worst, ..self }
+    pub fn with_worst(self, worst: Option<Worst>, of_pose: bool) -> Self {
+        let told = |worst: &Worst| of_pose || self.p_value <= KNOWN && worst.is_alone();
+        Self { worst: worst.filter(told), ..self }
+    }
+
+    /// The pose that is off alone, where all of them are off together and no longer without it.
+    #[must_use]
+    pub fn alone(&self) -> Option<Worst> {
+        self.worst.filter(|worst| self.p_value <= KNOWN && worst.is_alone())
     }
 }
 

@@ -1,13 +1,16 @@
 //! Error of platform poses against known ones.
 
+use std::ops::Range;
+
 use nalgebra::{Rotation3, Vector3};
 
 use crate::Error;
-use crate::apply::accuracy::{Expected, Wanted, is_placed, slopes_at};
+use crate::apply::accuracy::{Expected, Predicted, Wanted, Worst, is_placed, slopes_at};
 use crate::apply::known::{Known, rows_of_known};
 pub(crate) use crate::apply::misread::Pair;
 use crate::apply::misread::{Misread, misread};
 use crate::apply::poses::{carried_points, platform_poses, short_way};
+use crate::apply::slopes::Slopes;
 use crate::estimate::{Fit, Observations};
 use crate::kinematics::rigid::rigid_fit;
 use crate::mechanism::Mechanism;
@@ -108,30 +111,15 @@ pub fn check(
         Some(point) => 3 * point..3 * point + 3,
         None => 0..3 * if placed { 1 } else { points },
     };
-    let moved: Vec<_> = pairs.iter().filter(|_| align).map(|(_, found)| at(found)).collect();
-    let (seen, turns) = (average(&known.table, channels, &parts), found.orientation_rms);
-    let wanted = |samples| {
-        let turns = turns.filter(|_| placed).map_or(0..0, |_| 3..6);
-        let known = known.noise;
-        Wanted { positions: positions.clone(), turns, samples, known, moved: &moved }
-    };
+    let seen = average(&known.table, channels, &parts);
     let slopes = slopes_at(observations, fit, &seen, placed)?;
-    let (error, quiet) = (wanted(&samples).of(fit, &slopes), wanted(&[]).of(fit, &slopes));
-    let (position, orientation) = (found.position_rms, found.orientation_rms);
-    let judged = error.judge(position, orientation, fit.noise.dof);
-    // What an effect of the way or of the time does at one known pose is not known as well as at those fitted.
-    let judged = match fit.model.instances.iter().all(|i| i.term.of_pose()) {
-        true => {
-            let (alone, motion) = (wanted(&samples), motion_of(&pairs, align));
-            let each = alone.of_each(fit, &slopes).zip(&pairs).map(|(predicted, pair)| {
-                let off = error_after(std::slice::from_ref(pair), &motion);
-                let one = predicted.judge(off.position_rms, off.orientation_rms, fit.noise.dof);
-                (off.position_rms, off.orientation_rms, one)
-            });
-            judged.with_each(&each.collect::<Vec<_>>())
-        }
-        false => judged,
-    };
+    let of_pose = fit.model.instances.iter().all(|i| i.term.of_pose());
+    let turned = placed && found.orientation_rms.is_some();
+    let compared =
+        Beside { fit, known: known.noise, positions, turned, align, pairs, samples, slopes };
+    let (error, quiet) = (compared.predicted(true), compared.predicted(false));
+    let labels: Vec<i64> = parts.iter().map(|rows| label(&known.table, rows.start)).collect();
+    let judged = compared.judged(&error).with_worst(compared.worst(&labels), of_pose);
     let finite = judged.chi2.is_finite() && judged.position_sd > 0.0 && found.poses > 0;
     let noise = |all: f64, parameters: f64| {
         let square = all * all - parameters * parameters;
@@ -149,9 +137,89 @@ pub fn check(
         let Check { position_rms, orientation_rms, .. } = error_of(pairs, align);
         (position_rms, orientation_rms)
     };
-    let moved = (!align).then(|| error_of(&pairs, true).position_rms);
-    let misread = misread(&pairs, errors, moved);
+    let pairs = &compared.pairs;
+    let moved = (!align).then(|| error_of(pairs, true).position_rms);
+    let misread = misread(pairs, errors, moved);
     Ok(Check { predicted: finite.then_some(judged), largest, misread, ..found })
+}
+
+/// How a row of a table is called: by the label of its pose, or by its number, from 1.
+fn label(table: &Table, row: usize) -> i64 {
+    table.pose.as_ref().map_or(row as i64 + 1, |labels| labels[row])
+}
+
+/// Known poses beside what is found there, and what their errors are predicted from.
+#[derive(Clone)]
+struct Beside<'a> {
+    fit: &'a Fit,
+    /// Standard deviations of what is known.
+    known: [f64; 2],
+    /// Coordinates of the positions that are known.
+    positions: Range<usize>,
+    /// True where orientations are known too.
+    turned: bool,
+    align: bool,
+    pairs: Vec<Pair>,
+    /// Samples whose mean the readings of each are.
+    samples: Vec<f64>,
+    slopes: Vec<Slopes>,
+}
+
+impl Beside<'_> {
+    /// What is predicted of all of them, of each known place with the noise of its readings or without.
+    fn predicted(&self, noisy: bool) -> Predicted {
+        let moved: Vec<_> =
+            self.pairs.iter().filter(|_| self.align).map(|(_, found)| at(found)).collect();
+        self.wanted(noisy, &moved).of(self.fit, &self.slopes)
+    }
+
+    fn wanted<'b>(&'b self, noisy: bool, moved: &'b [Vector3<f64>]) -> Wanted<'b> {
+        let turns = if self.turned { 3..6 } else { 0..0 };
+        let samples = if noisy { &self.samples[..] } else { &[] };
+        Wanted { positions: self.positions.clone(), turns, samples, known: self.known, moved }
+    }
+
+    /// (110) of all of them.
+    fn judged(&self, predicted: &Predicted) -> Expected {
+        let found = error_of(&self.pairs, self.align);
+        predicted.judge(found.position_rms, found.orientation_rms, self.fit.noise.dof)
+    }
+
+    /// The least probable of them, each judged by itself, and what the others are without it.
+    fn worst(&self, labels: &[i64]) -> Option<Worst> {
+        let motion = motion_of(&self.pairs, self.align);
+        let alone = self.wanted(true, &[]);
+        let each =
+            alone.of_each(self.fit, &self.slopes).zip(&self.pairs).map(|(predicted, pair)| {
+                let off = error_after(std::slice::from_ref(pair), &motion);
+                (off, predicted.judge(off.position_rms, off.orientation_rms, self.fit.noise.dof))
+            });
+        let of = |(_, (_, one)): &(usize, (Check, Expected))| one.p_value;
+        let least = each.enumerate().min_by(|a, b| {
+            // Probabilities that underflow are alike.
+            of(a).total_cmp(&of(b)).then(b.1.1.chi2.total_cmp(&a.1.1.chi2))
+        });
+        let (k, (off, one)) = least?;
+        let others = (self.pairs.len() > 1).then(|| self.without(k));
+        Some(Worst {
+            position_rms: off.position_rms,
+            position_sd: one.position_sd,
+            p_value: (one.p_value * self.pairs.len() as f64).min(1.0),
+            orientation_rms: off.orientation_rms,
+            orientation_sd: one.orientation_sd,
+            pose: Some(labels[k]),
+            others_p_value: others.map(|others| others.judged(&others.predicted(true)).p_value),
+        })
+    }
+
+    /// All but one.
+    fn without(&self, k: usize) -> Self {
+        let mut others = self.clone();
+        others.pairs.remove(k);
+        others.samples.remove(k);
+        others.slopes.remove(k);
+        others
+    }
 }
 
 /// Where a fit puts what is known, row by row of a table: places have no orientation.

@@ -21,6 +21,7 @@ use crate::model::{Model, Want, Workspace};
 use crate::readings::Readings;
 
 /// Derivatives of the coordinates of one sample.
+#[derive(Clone)]
 pub(crate) struct Slopes {
     /// The sample.
     pub row: usize,

@@ -1,6 +1,7 @@
 //! The verdict: one function that is given everything that a verdict rests on, and that nothing
 //! after it changes.
 
+use crate::apply::accuracy::KNOWN;
 use crate::apply::check::Check;
 use crate::diagnosis::held_out::HeldOut;
 use crate::diagnosis::options::LEVEL;
@@ -164,6 +165,8 @@ pub struct Evidence {
     /// Predicted error at the poses of the session, beside that of the parameters as they are known
     /// without readings.
     pub predicted: Option<[f64; 2]>,
+    /// True where the readings contradict what is declared as known without them.
+    pub contradicted: bool,
     /// Loops of the known poses that do not close as those of the session do.
     pub open_loops: Option<OpenLoops>,
     /// Error on known poses.
@@ -249,11 +252,14 @@ pub struct Reason {
     /// Probability of more by chance.
     #[cfg_attr(feature = "serde", serde(default))]
     pub p_value: Option<f64>,
+    /// Label of the known pose that is off alone.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub pose: Option<i64>,
 }
 
 impl Reason {
     fn of(kind: Why) -> Self {
-        Self { kind, found: None, expected: None, p_value: None }
+        Self { kind, found: None, expected: None, p_value: None, pose: None }
     }
 
     fn worse(kind: Why, compared: Option<Compared>) -> Option<Self> {
@@ -269,7 +275,7 @@ impl Reason {
     ) -> Option<Self> {
         let p_value = p_value.filter(|p| *p <= level)?;
         let (found, expected) = (Some(found), Some(expected));
-        Some(Self { kind, found, expected, p_value: Some(p_value) })
+        Some(Self { found, expected, p_value: Some(p_value), ..Self::of(kind) })
     }
 }
 
@@ -308,10 +314,12 @@ pub fn judge(evidence: &Evidence) -> Judgement {
         Determined::Unobservable => return one(Verdict::Undetermined, Why::Unobservable),
     }
     let reasons = against(evidence);
-    // What known poses show comes before what is predicted; so does what is left.
+    // What known poses show comes before what is predicted; so does what is left. Nothing is measured against knowledge
+    // that the readings contradict.
     if let Some([found, expected]) = evidence.predicted.filter(|[sd, before]| sd >= before)
         && evidence.check.is_none()
         && !evidence.loose
+        && !evidence.contradicted
         && reasons.is_empty()
     {
         let (found, expected) = (Some(found), Some(expected));
@@ -367,10 +375,15 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
         };
         Reason::beyond(kind, KNOWN, numbers, Some(predicted.p_value))
     });
-    let alone = evidence.check.and_then(|check| check.predicted?.worst).and_then(|worst| {
+    let predicted = evidence.check.and_then(|check| check.predicted);
+    // All of them are off where one is off by enough: then that one is said.
+    let alone = predicted.and_then(|it| it.alone());
+    let check = check.filter(|_| alone.is_none());
+    let of_one = predicted.and_then(|it| it.worst).and_then(|worst| {
         let (numbers, turned) = worst.numbers();
         let kind = if turned { Why::CheckPoseOrientation } else { Why::CheckPose };
-        Reason::beyond(kind, KNOWN, numbers, Some(worst.p_value))
+        let reason = Reason::beyond(kind, KNOWN, numbers, Some(worst.p_value))?;
+        Some(Reason { pose: worst.pose, ..reason })
     });
     // A few known poses that happen to be no worse vouch for no others.
     let predicted_declared = evidence.check_declared.filter(|it| it.found >= it.other);
@@ -398,7 +411,7 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
     [
         open_loops,
         declared.or(predicted_declared),
-        check.or(alone),
+        check.or(of_one),
         Reason::worse(Why::CheckBefore, check_before),
         Reason::worse(Why::GroupsDeclared, evidence.groups_declared),
         Reason::worse(Why::GroupsBefore, found(evidence.groups_before)),
@@ -412,9 +425,6 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
     .flatten()
     .collect()
 }
-
-/// Level of each of the two looks at known poses: at all of them, and at each.
-pub(crate) const KNOWN: f64 = LEVEL / 2.0;
 
 /// Standard deviations by which something must have changed for an update.
 const SURE: f64 = 3.0;

@@ -155,6 +155,12 @@ impl Fit {
         doubted && self.chi2 * NOISIER * NOISIER < self.dof
     }
 
+    /// True where readings contradict what is declared as known.
+    #[must_use]
+    pub fn contradicts_knowledge(&self) -> bool {
+        self.warnings.iter().any(Suspicion::is_of_knowledge)
+    }
+
     /// True where the length of something known takes part in a convention: then nothing says how long
     /// anything is.
     pub(crate) fn has_no_scale(&self) -> bool {

@@ -1,12 +1,12 @@
 //! What is known beside the readings that are fitted, and what it says of a calibration.
 
 use crate::Error;
-use crate::apply::accuracy::{PREDICTED, predicted};
+use crate::apply::accuracy::{KNOWN, PREDICTED, predicted};
 use crate::apply::check::Check;
 use crate::apply::earlier::{self, Applied, Reference, Reported};
 use crate::apply::groups::spread;
 use crate::diagnosis::plausibility::is_open;
-use crate::diagnosis::verdict::{Compared, Determined, KNOWN};
+use crate::diagnosis::verdict::{Compared, Determined};
 use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;

@@ -131,7 +131,8 @@ pub fn of(
         check_declared: nominal.as_ref().and_then(|nominal| quality.beside(nominal)),
         groups: groups.as_ref().and_then(GroupsReport::expected),
         groups_declared: groups.as_ref().and_then(|groups| groups.compared()[0]),
-        predicted: estimates.beforehand(fit),
+        predicted: estimates.beforehand(),
+        contradicted: fit.contradicts_knowledge(),
         ..Evidence::default()
     });
     estimates.say_what_is_left(used, fit);

@@ -11,7 +11,6 @@ use crate::estimate::directions::{
     Directions, ParameterReport, as_reported, parameter_names, reported,
 };
 use crate::estimate::noise::source::Source;
-use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::{Gains, Origin, Try};
 use crate::estimate::{AnchorKind, Fit, Observations, Part, intervals, times};
 use crate::numerics::lm::Termination;
@@ -283,11 +282,9 @@ impl Estimates {
         (Applied::from(self), self.covariance.concat())
     }
 
-    /// Predicted error of positions, and that by what is known without readings; none where the readings contradict
-    /// what is declared as known.
-    pub(crate) fn beforehand(&self, fit: &Fit) -> Option<[f64; 2]> {
-        let known = !fit.warnings.iter().any(Suspicion::is_of_knowledge);
-        let predicted = self.predicted.filter(|_| known)?;
+    /// Predicted error of positions, and that by what is known without readings.
+    pub(crate) fn beforehand(&self) -> Option<[f64; 2]> {
+        let predicted = self.predicted?;
         Some([predicted.position_sd, predicted.beforehand?])
     }
 
