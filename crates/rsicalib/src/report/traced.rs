@@ -376,8 +376,13 @@ pub fn traced(
         fit(&traced.small, traced.before.model.instances.clone(), Some(&traced.last))?;
     let rises: Vec<f64> = traced.found.iter().map(|found| found.rise).collect();
     let residual = residual(&traced, &rises);
+    let held_out = held_out_with(&traced, &small_before)?;
+    let held_out_before = left_out(&traced, &small_before, &traced.before);
+    let held = held_out_before.zip(held_out.last().copied().flatten());
+    let held = held.map(|(before, after)| compared(&traced, &before, &after));
     let (elsewhere, not_applied) = elsewhere(&traced, search, &residual).unzip();
-    let not_applied = not_applied.unwrap_or_else(|| of_law(&traced, search));
+    let worse = held.is_some_and(|held| held.worse());
+    let not_applied = not_applied.unwrap_or_else(|| in_one_session(&traced, search, worse));
     let applies: Vec<bool> = not_applied.iter().map(Option::is_none).collect();
     let applied = applied(&traced, &applies)?;
     let mut before = FitReport::of(&traced.before);
@@ -386,16 +391,17 @@ pub fn traced(
         known.judge(observations, &traced.before, &mut before)?;
         known.judge(&traced.observations, &applied, &mut after)?;
     }
-    before.held_out = left_out(&traced, &small_before, &traced.before);
+    before.held_out = held_out_before;
     let rivals = rivals_of(&traced);
-    let steps = traced
-        .found
-        .iter()
-        .enumerate()
-        .map(|(k, found)| step((&traced, &rivals), &small_before, k, found, not_applied[k]))
-        .collect::<Result<Vec<_>, _>>()?;
-    after.held_out = match steps.last() {
-        Some(last) => last.held_out,
+    let steps = traced.found.iter().zip(&not_applied).zip(&held_out);
+    let steps: Vec<StepReport> = steps
+        .map(|((found, not_applied), held_out)| StepReport {
+            held_out: *held_out,
+            ..step((&traced, &rivals), found, *not_applied)
+        })
+        .collect();
+    after.held_out = match held_out.last() {
+        Some(last) => *last,
         None if traced.last.model.instances == small_before.model.instances => before.held_out,
         None => left_out(&traced, &traced.last, &traced.after),
     };
@@ -437,8 +443,9 @@ pub fn traced(
         found: !traced.found.is_empty(),
         doubtful: matches!(residual, Residual::Doubtful(_) | Residual::UnknownLaw(_)),
         held_out: after.held_out,
-        held_out_before: held_out_before(&traced, &before, &after),
-        predicted: estimates.beforehand(&traced.after),
+        held_out_before: held,
+        predicted: estimates.beforehand(),
+        contradicted: traced.after.contradicts_knowledge(),
         open_loops,
         check: after.checked(),
         check_declared: nominal.as_ref().and_then(|nominal| after.beside(nominal)),
@@ -522,10 +529,30 @@ pub fn traced(
     Ok((report, traced))
 }
 
-/// Which effects are not applied of one session, which has nothing to predict.
-fn of_law(traced: &Traced, search: &SearchOptions) -> Vec<Option<NotApplied>> {
-    let undone = |found: &Found| !search.apply_all && traced.undone(found);
-    traced.found.iter().map(|found| undone(found).then_some(NotApplied::Law)).collect()
+/// Which effects are not applied of one session that has no blocks: those of which a law takes the place, and all where
+/// poses left out in turn are worse with them.
+fn in_one_session(traced: &Traced, search: &SearchOptions, worse: bool) -> Vec<Option<NotApplied>> {
+    let why = |found: &Found| match traced.undone(found) {
+        _ if search.apply_all => None,
+        true => Some(NotApplied::Law),
+        false => worse.then_some(NotApplied::NoHelp),
+    };
+    traced.found.iter().map(why).collect()
+}
+
+/// Error on poses left out in turn, with each effect and those found before it.
+fn held_out_with(traced: &Traced, before: &Fit) -> Result<Vec<Option<HeldOut>>, Error> {
+    let asked = before.model.instances.iter().copied();
+    let base = asked.filter(|i| !traced.offsets.contains(i));
+    let bad = traced.last.model.instances.iter().copied().filter(scored::is_data);
+    let base: Vec<Instance> = base.chain(bad).collect();
+    let with = |last: usize| {
+        let found = traced.found[..=last].iter().map(|f| f.instance);
+        let instances = base.iter().copied().chain(found).collect();
+        let fitted = fit(&traced.small, instances, Some(&traced.last))?;
+        Ok(left_out(traced, &fitted, &traced.after))
+    };
+    (0..traced.found.len()).map(with).collect()
 }
 
 /// The fit with the effects that are applied.
@@ -560,11 +587,10 @@ fn left_out(traced: &Traced, fitted: &Fit, of_all: &Fit) -> Option<HeldOut> {
 
 /// Error on poses left out in turn, with the effects found and without: χ² is a mean of squares,
 /// whose relative deviation is twice that of the root.
-fn held_out_before(traced: &Traced, before: &FitReport, after: &FitReport) -> Option<Compared> {
-    let (before, after) = before.held_out.zip(after.held_out)?;
+fn compared(traced: &Traced, before: &HeldOut, after: &HeldOut) -> Compared {
     let equations = traced.last.residuals.equations * traced.answer().0.readings.poses();
     let errors = 0.25 * equations as f64;
-    Some(Compared { found: after.chi2_per_dof, other: before.chi2_per_dof, errors })
+    Compared { found: after.chi2_per_dof, other: before.chi2_per_dof, errors }
 }
 
 fn rival(observations: &Observations, explanation: &Explanation) -> RivalReport {
@@ -624,13 +650,12 @@ fn no_term(observations: &Observations, id: &str, target: Target) -> Place {
     }
 }
 
+/// What is reported of an effect, but for the poses left out in turn.
 fn step(
     (traced, rivals): (&Traced, &[RivalReport]),
-    small_before: &Fit,
-    index: usize,
     found: &Found,
     not_applied: Option<NotApplied>,
-) -> Result<StepReport, Error> {
+) -> StepReport {
     let observations = &traced.observations;
     let after = &traced.after;
     let info = found.instance.term.info();
@@ -655,19 +680,12 @@ fn step(
     let (small, without, last) = (&traced.small, &found.without, &traced.last);
     let of_points = || apart(small, without, last).map(PlatformRms::of_points);
     let platform_rms = platform_difference(small, without, last).or_else(of_points);
-    // Held out with this effect and those found before it.
-    let asked = small_before.model.instances.iter().copied();
-    let base = asked.filter(|i| !traced.offsets.contains(i));
-    let bad = traced.last.model.instances.iter().copied().filter(scored::is_data);
-    let up_to = traced.found[..=index].iter().map(|f| f.instance);
-    let instances: Vec<Instance> = base.chain(bad).chain(up_to).collect();
-    let fitted = fit(&traced.small, instances, Some(&traced.last))?;
     let Place { term, class, target, place, label } = Place::of(observations, &own);
     let points = curve.as_ref().map_or(&[][..], |c| &c.points);
     let named = Place::of(&traced.small, &found.instance);
     let with = rivals.iter().filter(|rival| rival.terms.contains(&named));
     let probability = with.map(|rival| rival.probability).sum();
-    Ok(StepReport {
+    StepReport {
         term,
         class,
         target,
@@ -685,13 +703,13 @@ fn step(
             .iter()
             .any(|other| differ_by_scale(&observations.mechanism, &found.instance, other)),
         platform_rms,
-        held_out: left_out(traced, &fitted, after),
+        held_out: None,
         curve_law: curve_law(&traced.small, &found.without, &traced.judge, &found.instance),
         curve_over: curve.as_ref().map(|c| c.over),
         curve_unit: curve.as_ref().map(|c| c.unit.clone()),
         curve_sd: points.iter().map(|p| p[2]).collect(),
         curve: points.iter().map(|p| [p[0], p[1]]).collect(),
-    })
+    }
 }
 
 /// Whitened residuals pose by pose, in the order of the poses, equation by equation. What was left
