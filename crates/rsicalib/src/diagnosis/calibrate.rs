@@ -39,9 +39,13 @@ const MOST_POSES: usize = 2000;
 ///
 /// As [`fit`].
 pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
-    let sent = closing_as_sent(observations)?;
+    let coded = fit(observations, observations.instances()?, None)?;
+    let sent = closing_as_sent(observations, &coded);
     let observations = sent.as_ref().unwrap_or(observations);
-    let all = fit(observations, observations.instances()?, None)?;
+    let all = match &sent {
+        Some(sent) => fit(sent, sent.instances()?, None)?,
+        None => coded,
+    };
     let usable = all.converged() && all.dof >= 1.0;
     if observations.options.method == Method::Algebraic || !usable {
         return Ok(whole(observations, all));

@@ -5,9 +5,8 @@
 //! reading. Loops that close better than that, beyond chance, and sessions that are explained with the noise as it is
 //! declared, have no codes.
 
-use crate::Error;
 use crate::estimate::noise::source::{DOUBT, NOISIER, presumed};
-use crate::estimate::{Fit, Observations, fit};
+use crate::estimate::{Fit, Observations};
 use crate::numerics::distributions::chi2_tail;
 
 /// The readings as positions; none where no channel reads in steps that make its noise so many times larger. Counters
@@ -28,13 +27,8 @@ fn closes_too_well(fit: &Fit) -> bool {
     fit.stands() && fit.dof >= 1.0 && 1.0 - chi2_tail(fit.chi2, fit.dof) < DOUBT
 }
 
-/// The readings as positions, where loops close too well for codes; none where they do not, or have none.
-///
-/// # Errors
-///
-/// As [`fit`].
-pub(crate) fn closing_as_sent(observations: &Observations) -> Result<Option<Observations>, Error> {
-    let Some(sent) = as_sent(observations) else { return Ok(None) };
-    let coded = fit(observations, observations.instances()?, None)?;
-    Ok(closes_too_well(&coded).then_some(sent))
+/// The readings as positions, where loops close too well for codes in the fit of what was asked for; none where they
+/// do not, or have none.
+pub(crate) fn closing_as_sent(observations: &Observations, coded: &Fit) -> Option<Observations> {
+    as_sent(observations).filter(|_| closes_too_well(coded))
 }

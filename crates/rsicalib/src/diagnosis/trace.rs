@@ -161,7 +161,9 @@ impl Traced {
 /// As [`SearchOptions::check`] and [`fit`].
 pub fn trace(observations: &Observations, search: &SearchOptions) -> Result<Traced, Error> {
     search.check()?;
-    let sent = closing_as_sent(observations)?;
+    let coded = |_| fit(observations, observations.instances()?, None);
+    let coded = as_sent(observations).map(coded).transpose()?;
+    let sent = coded.and_then(|coded| closing_as_sent(observations, &coded));
     let observations = sent.as_ref().unwrap_or(observations);
     if let Some(sent) = as_sent(observations).filter(Observations::declares_noise) {
         let traced = looked_for(&sent, search)?;
