@@ -150,6 +150,10 @@ class Mechanism:
     def from_toml(text: str) -> Mechanism:
         """Reads a mechanism from TOML text; chains in rows, not as URDF."""
 
+    @property
+    def instrument_columns(self) -> Any:
+        """Columns of the readings that an instrument gives: coordinates of the points that it sees."""
+
     def inverse(self, pose: Sequence[float]) -> list[float]:
         """Joint coordinates that hold the platform at a pose, one per channel [rad]."""
 
@@ -733,7 +737,7 @@ def unlabelled(
 def usual(
     devices: Array, verdicts: npt.NDArray[np.int64]
 ) -> tuple[tuple[float, float, float], tuple[int, float]] | None:
-    """What is usual of a parameter over a fleet, (median, sd between devices, sd of one), and the device that is
+    """What is usual of a parameter over a fleet, (median, sd between devices, sd of one, how many), and the device that is
     farthest from that, with its distance; None for too few. `devices` has a value and its sd in each row,
     `verdicts` their places in `VERDICTS`, -1 for refused.
     """

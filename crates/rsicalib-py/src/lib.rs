@@ -16,6 +16,7 @@ mod population;
 mod raw;
 mod tables;
 mod threads;
+mod values;
 
 use pyo3::PyClass;
 use pyo3::prelude::*;

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict};
-use pythonize::{Depythonizer, pythonize};
+use pythonize::pythonize;
 use rsicalib::diagnosis::options::Rule;
 use rsicalib::estimate::paper::Layout;
 use rsicalib::mechanism::{Law, Mechanism};
@@ -14,9 +14,9 @@ use rsicalib::report::warned::of_drawing;
 use rsicalib::terms::targets::{shared, targets};
 use rsicalib::terms::term::Class;
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 
 use crate::error::PyError;
+use crate::values::from_values;
 
 /// A mechanism: channels, chains, points, closures, platform, rest.
 #[pyclass(frozen, eq, skip_from_py_object, name = "Mechanism", module = "rsicalib")]
@@ -107,16 +107,6 @@ impl PyChannel {
     fn __repr__(&self) -> String {
         format!("Channel({:?}, unit={:?}, gain={:e})", self.name, self.unit, self.gain)
     }
-}
-
-/// Plain values as what they describe; a wrong one is refused with its path.
-fn from_values<T: DeserializeOwned>(values: &Bound<'_, PyAny>) -> Result<T, PyError> {
-    let found = serde_path_to_error::deserialize(&mut Depythonizer::from_object(values));
-    found.map_err(|error: serde_path_to_error::Error<pythonize::PythonizeError>| {
-        let path = error.path().to_string();
-        let place = if path == "." { "top level".into() } else { path };
-        rsicalib::Error::Entry { place, why: error.inner().to_string() }.into()
-    })
 }
 
 #[pymethods]
@@ -245,6 +235,12 @@ impl PyMechanism {
     #[getter]
     fn value_columns(&self) -> Vec<String> {
         self.0.value_columns()
+    }
+
+    /// Columns of the readings that an instrument gives: coordinates of the points that it sees.
+    #[getter]
+    fn instrument_columns(&self) -> Vec<String> {
+        self.0.instrument_columns()
     }
 
     /// For each closure that samples take part in, the columns of its own: where one of them is blank in a row, the closure

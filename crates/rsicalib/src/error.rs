@@ -70,7 +70,7 @@ pub enum Error {
     #[error("no readings: {0}")]
     Empty(String),
     /// An unknown name.
-    #[error("there is no {kind} {}{}; there are {known}", quoted(found), meant(found, known))]
+    #[error("there is no {kind} {}{}; there are {}", quoted(found), meant(found, known), if known.is_empty() { "none" } else { known })]
     Unknown {
         /// The kind of name: term, channel, target, ...
         kind: &'static str,

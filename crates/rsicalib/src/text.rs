@@ -99,6 +99,39 @@ pub fn meant_by(message: &str) -> String {
     names.split_first().map_or(String::new(), |(found, known)| meant(found, &known.join(", ")))
 }
 
+/// What was found and what is expected by a message of a library that reads files, in words of a user; none where it
+/// does not say both.
+#[cfg(feature = "serde")]
+pub(crate) fn found_and_expected(message: &str) -> Option<(String, String)> {
+    let (found, expected) = message.split_once(", expected ")?;
+    Some((plain(found), plain(expected)))
+}
+
+/// The words of these libraries for a value, in those of a user.
+#[cfg(feature = "serde")]
+fn plain(words: &str) -> String {
+    let words = words.trim_start_matches("invalid type: ").trim_start_matches("invalid value: ");
+    for length in ["invalid length ", "an array of length "] {
+        if let Some(length) = words.strip_prefix(length) {
+            return format!("a list of {length}");
+        }
+    }
+    let (kind, rest) = words.split_once(' ').unwrap_or((words, ""));
+    match (kind, rest) {
+        ("f64", _) => "a number".into(),
+        ("u64" | "usize" | "i64", _) => "a whole number".into(),
+        ("string", rest) => format!("text {rest}"),
+        ("a" | "borrowed", "string" | "str") => "text".into(),
+        ("map" | "struct", _) => "an object".into(),
+        ("sequence", _) => "a list".into(),
+        ("a", "sequence") => "a list".into(),
+        ("a", "map") => "an object".into(),
+        ("integer" | "boolean", rest) => rest.trim_matches('`').into(),
+        ("floating", rest) => rest.trim_start_matches("point ").trim_matches('`').into(),
+        _ => words.to_owned(),
+    }
+}
+
 /// Letters left out, added, exchanged or changed between two names (optimal string alignment).
 fn distance(a: &str, b: &str) -> usize {
     let a: Vec<char> = a.chars().take(2 * LONGEST).collect();

@@ -56,16 +56,11 @@ def readings_for(readings: ReadingsArg, mechanism: Mechanism, skip_bad_rows: boo
     except InputError as error:
         missing = None if error.where is None else error.where["column"]
         absent = error.where is not None and error.where["found"] == ABSENT
-        if not absent or missing not in _seen(mechanism):
+        if not absent or missing not in mechanism.instrument_columns:
             raise
     found = load(readings, Unseen(mechanism), skip_bad_rows)
-    nothing = np.full(len(found.taken), np.nan)
-    return replace(found, columns={**found.columns, **dict.fromkeys(_seen(mechanism), nothing)})
-
-
-def _seen(mechanism: Mechanism) -> list[str]:
-    """Columns of points that an instrument sees."""
-    return [name for p in mechanism.to_dict().get("point", ()) for name in p.get("columns", ())]
+    nothing = dict.fromkeys(mechanism.instrument_columns, np.full(len(found.taken), np.nan))
+    return replace(found, columns={**found.columns, **nothing})
 
 
 class Unseen(Bare):
@@ -73,7 +68,7 @@ class Unseen(Bare):
 
     def __init__(self, mechanism: Mechanism) -> None:
         super().__init__(mechanism)
-        seen = _seen(mechanism)
+        seen = mechanism.instrument_columns
         self.key_columns = mechanism.key_columns
         self.distance_columns = mechanism.distance_columns
         self.value_columns = [name for name in mechanism.value_columns if name not in seen]

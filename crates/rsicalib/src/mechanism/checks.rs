@@ -18,7 +18,11 @@ pub(super) fn refuse(place: String, found: String, expected: String) -> Error {
 pub(crate) fn known(found: Result<usize, Error>, place: impl Fn() -> String) -> Result<(), Error> {
     match found {
         Err(Error::Unknown { kind, found, known }) => {
-            Err(refuse(place(), format!("{kind} {}", quoted(&found)), known))
+            let expected = match known.is_empty() {
+                true => format!("one that is declared, and no {kind} is"),
+                false => known,
+            };
+            Err(refuse(place(), format!("{kind} {}", quoted(&found)), expected))
         }
         other => other.map(|_| ()),
     }

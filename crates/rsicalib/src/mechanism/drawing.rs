@@ -505,7 +505,10 @@ impl Point {
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "serde", serde(untagged))]
+#[cfg_attr(
+    feature = "serde",
+    serde(untagged, expecting = "expected a number, or the name of a column of the readings")
+)]
 pub enum Value {
     /// A distance that is the same in every pose.
     Known(f64),

@@ -43,3 +43,6 @@ pub use places::{Column, Frame, Line, Plane};
 pub(crate) use queries::list;
 #[doc(hidden)]
 pub use target::Target;
+#[cfg(all(feature = "toml", feature = "document"))]
+#[doc(hidden)]
+pub use toml::from_values;

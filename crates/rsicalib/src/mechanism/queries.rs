@@ -147,16 +147,22 @@ impl Mechanism {
         each_once(self.closures.iter().filter(lengths).filter_map(column_of))
     }
 
+    /// Columns of the readings that an instrument gives: coordinates of the points that it sees.
+    #[must_use]
+    pub fn instrument_columns(&self) -> Vec<String> {
+        each_once(self.points.iter().filter_map(|p| p.columns.as_ref()).flatten())
+    }
+
     /// Columns of the readings with numbers: measured distances, heights above planes, coordinates of
     /// measured points, and what laws use.
     #[must_use]
     pub fn value_columns(&self) -> Vec<String> {
         let measured = self.distance_columns();
         let heights = self.closures.iter().filter_map(column_of);
-        let points = self.points.iter().filter_map(|p| p.columns.as_ref()).flatten();
+        let points = self.instrument_columns();
         let declared = self.columns.iter().map(|column| &column.name);
         let torques = self.channels.iter().filter_map(|channel| channel.torque.as_ref());
-        each_once(measured.iter().chain(heights).chain(points).chain(declared).chain(torques))
+        each_once(measured.iter().chain(heights).chain(&points).chain(declared).chain(torques))
     }
 
     /// True where the mechanism says of drives what an open chain does not: which joints have none, or

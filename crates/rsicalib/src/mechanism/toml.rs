@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::mechanism::drawing::Mechanism;
 #[cfg(feature = "toml")]
-use crate::text::meant_by;
+use crate::text::{found_and_expected, meant_by};
 
 #[cfg(feature = "toml")]
 impl Mechanism {
@@ -29,13 +29,37 @@ impl Mechanism {
     }
 }
 
+/// Values of a file as what they describe.
+///
+/// # Errors
+///
+/// [`Error::Entry`] with the path of the entry that is wrong.
+#[cfg(all(feature = "toml", feature = "document"))]
+#[doc(hidden)]
+pub fn from_values<T: serde::de::DeserializeOwned>(values: toml::Value) -> Result<T, Error> {
+    serde_path_to_error::deserialize(values).map_err(|error| {
+        let path = error.path().to_string();
+        let place = if path == "." { "top level".into() } else { path };
+        Error::Entry { place, why: said_of_values(error.inner().message()) }
+    })
+}
+
+/// What is wrong with values, in words of a user. Names that are not known, with those that may be meant, are said
+/// well enough.
+#[cfg(feature = "toml")]
+fn said_of_values(message: &str) -> String {
+    let both = found_and_expected(message).filter(|_| message.starts_with("invalid "));
+    match both {
+        Some((found, expected)) => format!("found {found}, expected {expected}"),
+        None => message.to_owned() + &meant_by(message),
+    }
+}
+
 /// What is wrong with a text, and in which line, in one sentence.
 #[cfg(feature = "toml")]
 fn said(error: &toml::de::Error, text: &str) -> Error {
     let message = error.message();
-    let mut words = message.replace("invalid type: string", "found text");
-    words = words.replace("invalid type: ", "found ").replace("f64", "a number");
-    words += &meant_by(message);
+    let words = said_of_values(message);
     let before = error.span().and_then(|span| text.get(..span.start));
     let place = before.map(|before| {
         let lines: Vec<&str> = before.split('\n').collect();

@@ -7,7 +7,7 @@ use crate::estimate::directions::ParameterReport;
 use crate::estimate::noise::source::Source;
 use crate::numerics::bounds;
 use crate::report::document::{Calibration, FORMATS, Parts, Trace};
-use crate::text::quoted;
+use crate::text::{found_and_expected, quoted};
 
 /// Numbers of a result that are one agree to this: they are written with all their digits, and
 /// computed one from the other.
@@ -95,8 +95,8 @@ fn parse<'de, T: Deserialize<'de>>(text: &'de str) -> Result<T, Refused> {
         let message = inner.to_string();
         let message = message.split(" at line ").next().unwrap_or_default().to_owned();
         let message = if inner.is_data() { message } else { format!("not JSON ({message})") };
-        let (found, expected) = match message.split_once(", expected ") {
-            Some((found, expected)) => (plain(found), plain(expected)),
+        let (found, expected) = match found_and_expected(&message) {
+            Some(both) => both,
             None => (message, "a result of `rsicalib calibrate --json` or `trace --json`".into()),
         };
         let place = if path == "." { at } else { format!("{path} ({at})") };
@@ -108,24 +108,6 @@ fn parse<'de, T: Deserialize<'de>>(text: &'de str) -> Result<T, Refused> {
         expected: "the end".into(),
     })?;
     Ok(read)
-}
-
-/// Words of the JSON library in those of a user.
-fn plain(words: &str) -> String {
-    let words = words.trim_start_matches("invalid type: ").trim_start_matches("invalid value: ");
-    let (kind, rest) = words.split_once(' ').unwrap_or((words, ""));
-    match (kind, rest) {
-        ("f64", _) => "a number".into(),
-        ("u64" | "usize" | "i64", _) => "a whole number".into(),
-        ("string", rest) => format!("text {rest}"),
-        ("map" | "struct", _) => "an object".into(),
-        ("sequence", _) => "a list".into(),
-        ("a", "sequence") => "a list".into(),
-        ("a", "map") => "an object".into(),
-        ("integer" | "boolean", rest) => rest.trim_matches('`').into(),
-        ("floating", rest) => rest.trim_start_matches("point ").trim_matches('`').into(),
-        _ => words.to_owned(),
-    }
 }
 
 /// A result with what an earlier version did not write.

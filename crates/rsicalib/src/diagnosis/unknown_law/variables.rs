@@ -192,12 +192,9 @@ pub fn variables(at: &AtFit, rows: &[usize]) -> Result<Vec<Variable>, Error> {
         }
     }
     // Where an instrument sees a point is what is to be explained.
-    let seen = |name: &String| {
-        let mut columns = observations.mechanism.points.iter().filter_map(|p| p.columns.as_ref());
-        columns.any(|own| own.contains(name))
-    };
+    let seen = observations.mechanism.instrument_columns();
     let columns = observations.mechanism.value_columns().into_iter().enumerate();
-    for (k, _) in columns.filter(|(_, name)| !seen(name)) {
+    for (k, _) in columns.filter(|(_, name)| !seen.contains(name)) {
         let of = |block: usize, lane: usize| readings.columns(block)[k].0[lane];
         add(Variable::of(Quantity::Column(k), in_lane(&of)));
     }
