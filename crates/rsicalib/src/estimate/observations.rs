@@ -21,6 +21,8 @@ pub struct Observations {
     pub rest: Option<Vec<f64>>,
     /// Joint coordinates in the rest pose, one per channel.
     pub rest_angles: Option<Vec<f64>>,
+    /// Others that hold the platform there, nearer to what the reading says as declared; none where there are none.
+    pub rest_as_read: Option<Vec<f64>>,
     /// Weight of each sample; zero for a sample that is left out.
     pub weights: Vec<f64>,
     /// Readings about which offsets and gains are told apart, one per channel: the means, or as is expected;
@@ -74,6 +76,9 @@ pub struct Anchor {
     /// True for an anchor that was read, false for one that is presumed.
     pub known: bool,
 }
+
+/// Joint coordinates that are further apart than this are others: those of one solution agree to rounding.
+const APART: f64 = 1e-3;
 
 /// A recording of more rows is long.
 pub const LONG: usize = 8192;
@@ -160,11 +165,11 @@ impl Observations {
             }
             None => None,
         };
-        let rest_angles = match &mechanism.rest {
+        let (rest_angles, rest_as_read) = match &mechanism.rest {
             Some(r) if !mechanism.platform.is_empty() => {
-                assembly::inverse(&mechanism, &r.pose).ok()
+                rest_angles(&mechanism, &r.pose, rest.as_deref())
             }
-            _ => None,
+            _ => (None, None),
         };
         let held = match (&mechanism.rest, &rest) {
             (Some(declared), Some(row)) if declared.sd.is_some() => {
@@ -198,6 +203,7 @@ impl Observations {
             readings,
             rest,
             rest_angles,
+            rest_as_read,
             weights,
             centre,
             steps,
@@ -295,7 +301,8 @@ impl Observations {
 
     /// Anchors that may hold the offsets during the search of a start, the best first.
     ///
-    /// A reading of the rest pose is the only anchor where there is one. Otherwise the first anchor
+    /// A reading of the rest pose is the only anchor where there is one, with the joint angles of that pose from
+    /// the middle of their limits, and with those from what the reading says as declared, where they are others. Otherwise the first anchor
     /// is the rest pose at its nominal readings. For nominal gains that are far off, the nominal
     /// offsets may be better, or the rest pose at the middle of the range.
     #[must_use]
@@ -303,11 +310,12 @@ impl Observations {
         let channels = &self.mechanism.channels;
         let all = |f: &dyn Fn(usize) -> (f64, f64)| (0..channels.len()).map(f).collect();
         if let (Some(rest), Some(angles)) = (&self.rest, &self.rest_angles) {
-            return vec![Anchor {
+            let anchor = |angles: &Vec<f64>| Anchor {
                 kind: AnchorKind::Rest,
                 at: all(&|c| (rest[c], angles[c])),
                 known: true,
-            }];
+            };
+            return std::iter::once(angles).chain(&self.rest_as_read).map(anchor).collect();
         }
         let nominal = |c: usize| match &self.rest_angles {
             Some(angles) => ((angles[c] - channels[c].offset) / channels[c].gain, angles[c]),
@@ -329,4 +337,28 @@ impl Observations {
         }
         anchors
     }
+}
+
+/// Joint angles of the rest pose, from the middle of their limits; and those that are reached from what a reading of it
+/// says as declared, where these are others: elbows may be up or down.
+fn rest_angles(
+    mechanism: &Mechanism,
+    pose: &[f64; 6],
+    rest: Option<&[f64]>,
+) -> (Option<Vec<f64>>, Option<Vec<f64>>) {
+    let from_middle = assembly::inverse(mechanism, pose).ok();
+    let as_read = |rest: &[f64]| {
+        let start = mechanism.channels.iter().zip(rest).map(|(c, reading)| c.angle(*reading));
+        assembly::inverse_from(mechanism, pose, start.collect()).ok()
+    };
+    let as_read = rest.and_then(as_read);
+    if from_middle.is_none() {
+        return (as_read, None);
+    }
+    let others = |q: &Vec<f64>| {
+        let both = q.iter().zip(from_middle.iter().flatten());
+        both.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) > APART
+    };
+    let as_read = as_read.filter(others);
+    (from_middle, as_read)
 }

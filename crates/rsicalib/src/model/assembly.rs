@@ -3,7 +3,7 @@
 use nalgebra::{Rotation3, Vector3};
 
 use crate::Error;
-use crate::mechanism::{Closure, Mechanism, Point};
+use crate::mechanism::{Channel, Closure, Mechanism, Point};
 use crate::model::compiled::Model;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::Lanes;
@@ -58,6 +58,23 @@ fn touches(
 /// [`Error::Missing`] without a platform; [`Error::OutOfReach`] for a pose that no joint
 /// coordinates reach.
 pub fn inverse(mechanism: &Mechanism, pose: &[f64; 6]) -> Result<Vec<f64>, Error> {
+    let middle = |c: &Channel| {
+        c.limits.map_or_else(|| c.angle(c.middle()), |[low, high]| 0.5 * (low + high))
+    };
+    inverse_from(mechanism, pose, mechanism.channels.iter().map(middle).collect())
+}
+
+/// The same from these joint coordinates: of several that hold the platform there, elbows up or down, those that the
+/// solver comes to from here.
+///
+/// # Errors
+///
+/// As [`inverse`].
+pub(crate) fn inverse_from(
+    mechanism: &Mechanism,
+    pose: &[f64; 6],
+    start: Vec<f64>,
+) -> Result<Vec<f64>, Error> {
     if mechanism.platform.is_empty() {
         let why = "the inverse kinematics needs the points that carry it";
         return Err(Error::missing(&mechanism.name, "platform", why));
@@ -68,11 +85,6 @@ pub fn inverse(mechanism: &Mechanism, pose: &[f64; 6]) -> Result<Vec<f64>, Error
         channel.unit = "rad".into();
         (channel.gain, channel.offset, channel.range) = (1.0, 0.0, None);
     }
-    let start: Vec<f64> = mechanism
-        .channels
-        .iter()
-        .map(|c| c.limits.map_or_else(|| c.angle(c.middle()), |[low, high]| 0.5 * (low + high)))
-        .collect();
     let table = Table { values: start.clone(), ..Table::default() };
     let readings = Readings::new(&bare, table)?;
     let model = Model::uncentred(&bare, &readings, Vec::new())?;
