@@ -25,6 +25,7 @@ from rsicalib.imports.opening import import_log, joints_of
 from rsicalib.io.frames import TableArg, as_table, is_frame
 from rsicalib.io.readings import Readings
 from rsicalib.io.stream import Rows, rows_in_memory, rows_of
+from rsicalib.io.times import TIME
 from rsicalib.results.result import Calibration, Result, Trace
 from rsicalib.tabular import Told
 from rsicalib.units import with_unit
@@ -132,7 +133,12 @@ class Alarm(Told, Record, kw_only=True, repr=False):
         if self.term == "unnamed":
             place = "" if self.target == "all" else f" at {self.target}"
             words = f"something has changed{place} since {when} that the watch has no name for"
-            words += f" ({self.size:.0f} alarms); it is silent from here on"
+            words += (
+                f" ({self.size:.0f} alarms); it is silent from here on"
+                if self.unit == "alarms"
+                else f": loops are open by {with_unit(f'{self.size:.3g}', unit)}; "
+                "nothing is tested until they close again"
+            )
         elif self.term == "stuck":
             words = (
                 f"{self.target} is stuck since {when}: it repeats {self.parameters[0].value:.6g}"
@@ -305,10 +311,11 @@ class Monitor:
 
         Parameters
         ----------
-        readings : array_like, shape (channels,) or (n, channels), mapping, data frame, or Readings
+        readings : array_like, shape (channels,) or (n, channels), mapping, data frame or a row
+            of one, or Readings
             In each channel's unit, in the mechanism's order or by name.
         time_s : float or array_like, shape (n,), optional
-            Time of each sample [s]; that of `Readings`, or the column `time_s` of a frame, where
+            Time of each sample [s]; that of `Readings`, or `time_s` of a frame or a mapping, where
             they have one. Dates in a frame are counted from 1970.
 
         Returns
@@ -323,12 +330,15 @@ class Monitor:
             The readings are not of these channels.
         """
         given: Any = readings
+        if getattr(given, "ndim", 2) == 1 and hasattr(given, "to_dict"):
+            given = given.to_dict()  # a row of a frame, by name
         if isinstance(given, Mapping):
             missing = [name for name in self._names if name not in given]
             if missing:
                 found = f"no reading of {missing[0]}"
                 raise InputError(f"{found}; expected one of each of {', '.join(self._names)}")
             if all(np.ndim(given[name]) == 0 for name in self._names):
+                time_s = given.get(TIME) if time_s is None else time_s
                 given = [given[name] for name in self._names]
         if isinstance(given, Readings):
             time_s = given.time_s if time_s is None else time_s

@@ -50,6 +50,7 @@ pub mod compare;
 mod drift;
 mod estimating;
 mod factor;
+mod far;
 mod kept;
 mod names;
 mod naming;

@@ -23,12 +23,27 @@ impl Monitor {
     /// Names a change, or corrects the name of the last one, and goes on with it.
     pub(super) fn raise(&mut self, tested: Tested) {
         let broken = (std::mem::take(&mut self.held) > 0).then_some(self.waiting[0]);
+        if let Some(alarms) = broken.and_then(|first| self.far(first, tested)) {
+            self.counts.alarms += 1;
+            self.alarms.extend(alarms);
+            self.restart();
+            self.age = 0;
+            return;
+        }
+        let before = broken.map(|_| self.state());
         if let Some(first) = broken {
             self.absorb_waiting(first, tested.row);
         }
         let corrected = self.correct(tested);
         if corrected.is_empty() {
-            let alarms = self.name(tested, broken);
+            let mut alarms = self.name(tested, broken);
+            if let (Some(first), Some(before)) = (broken, before)
+                && self.is_lost(&alarms, tested.row)
+            {
+                // About the calibration these rows are linearised at the wrong place.
+                let _same = self.restore(before);
+                alarms = self.lost(first, tested).into_iter().collect();
+            }
             self.counts.alarms += u64::from(!alarms.is_empty());
             match self.too_many(tested, &alarms) {
                 Some(alarm) => self.alarms.push(alarm),

@@ -85,7 +85,7 @@ impl Keep for Monitor {
         watched.drifts.iter_mut().for_each(|drift| drift.keep(bytes));
         fields!(bytes, self.order, self.counts, self.whitening, self.windows, self.seen);
         fields!(bytes, self.state.size, self.state.mean, self.state.covariance);
-        fields!(bytes, self.runs, self.stuck, self.unsteady, self.lately, self.silent);
+        fields!(bytes, self.runs, self.stuck, self.unsteady, self.lately, self.silent, self.out);
         fields!(bytes, self.spread, self.scale, self.dof, self.waiting, self.held, self.age);
         fields!(bytes, self.recent, self.open, self.tails, self.score.turned);
     }

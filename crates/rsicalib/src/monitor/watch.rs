@@ -103,6 +103,7 @@ impl Monitor {
             age: 0,
             recent: Recent::new(mechanism.channels.len()),
             again: Rows::new(&watched, &watched.under.noise),
+            out: None,
             open: None,
             alarms: Vec::new(),
             watched,
@@ -234,6 +235,10 @@ impl Monitor {
             return false;
         }
         self.rows.read(lane, &self.watched, tested.row, &mut self.r, &mut self.g);
+        if self.is_out(tested.row) {
+            self.counts.silent += 1;
+            return false;
+        }
         if !self.unsteady.is_empty() {
             let Self { whitener, watched, unsteady, r, g, state, scale, .. } = self;
             whitener.row(watched, unsteady, *scale, tested.row, r, g);

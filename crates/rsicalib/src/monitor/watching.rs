@@ -82,6 +82,8 @@ pub struct Monitor {
     pub(super) lately: Vec<(u64, (Option<f64>, String))>,
     /// True since it was told that what happens has no name: nothing is tested any more.
     pub(super) silent: bool,
+    /// Rows in succession whose loops close again, while nothing is tested since something far off has no name.
+    pub(super) out: Option<u64>,
     /// The last change, as long as its name is open.
     pub(super) open: Option<Open>,
     pub(super) r: Vec<f64>,

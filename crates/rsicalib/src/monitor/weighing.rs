@@ -32,8 +32,8 @@ use crate::numerics::distributions::poisson_tail;
 const ESTIMATED_TOGETHER: f64 = 40.0;
 
 /// Term of a change that has no name, and place of what is nowhere in particular.
-const UNNAMED: &str = "unnamed";
-const ALL: &str = "all";
+pub(super) const UNNAMED: &str = "unnamed";
+pub(super) const ALL: &str = "all";
 
 /// Alarms among which those that follow too fast are looked for.
 const LATELY: usize = 8;

@@ -1,0 +1,302 @@
+//! A change that is farther than a linearisation reaches: a coupling that slipped by a quarter of a turn, an encoder that
+//! lost its reference, a plug that was pulled, cables that were exchanged.
+//!
+//! About the calibration such rows are linearised at the wrong place, and what is estimated there is nonsense. Of each
+//! joint that turns all angles of a turn are tried in place of its offset: one number for the rows that are far outside,
+//! where they have as many equations as all rows together. Where the best leaves no more than chance it is the change,
+//! and the watch goes on from there. Where one joint alone explains every row by another angle, its readings are wrong;
+//! else what happened has no name. Then nothing is tested until the loops close again.
+
+use nalgebra::DMatrix;
+
+use crate::model::Spec;
+use crate::monitor::alarm::{Action, Alarm, Change};
+use crate::monitor::recent::{Kept, numbered};
+use crate::monitor::thresholds::log_tail;
+use crate::monitor::watching::{CONFIRMED, Monitor, Tested};
+use crate::monitor::weighing::{ALL, UNNAMED};
+use crate::numerics::lanes::WIDTH;
+
+/// Angles (rad) from which linearised estimates are off by a twentieth: a change by less is named by these.
+const LINEAR: f64 = 0.1;
+
+/// Typical sizes beyond which a linearised change is not believed by itself.
+const FAR: f64 = 10.0;
+
+/// Angles of a turn that are tried: between two of them a sum of squares has one minimum.
+const ANGLES: usize = 64;
+
+/// Times that the room for an angle is narrowed by the golden section: from two steps of the turn to rounding.
+const NARROWED: usize = 40;
+
+/// The angle of a joint that explains some rows best.
+#[derive(Debug, Clone, Copy)]
+struct Turned {
+    candidate: usize,
+    shift: f64,
+    squares: f64,
+}
+
+impl Monitor {
+    /// The alarms of a change that is far off, from the row `first` on; none where all that is far is near enough to be
+    /// linearised, and nothing was done.
+    pub(super) fn far(&mut self, first: u64, tested: Tested) -> Option<Vec<Alarm>> {
+        let rows = self.recent.between(first, tested.row)?;
+        let dof = (rows.len() * self.r.len()) as f64;
+        let mut turned: Vec<Turned> =
+            self.turning().into_iter().map(|candidate| self.turn(candidate, &rows)).collect();
+        turned.retain(|one| !self.leaves_of(one.squares, dof - 1.0));
+        turned.sort_by(|a, b| a.squares.total_cmp(&b.squares));
+        let best = *turned.first().filter(|best| best.shift.abs() > LINEAR)?;
+        let as_well: Vec<Spec> = turned[1..]
+            .iter()
+            .map(|one| self.watched.candidates[one.candidate].spec.clone())
+            .collect();
+        Some(vec![self.jumped(best, as_well, &rows, tested)])
+    }
+
+    /// The alarm of what is far off and has no such name. From now on nothing is tested until loops close again.
+    pub(super) fn lost(&mut self, first: u64, tested: Tested) -> Option<Alarm> {
+        let rows = self.recent.between(first, tested.row)?;
+        let dof = (rows.len() * (self.r.len().saturating_sub(1))) as f64;
+        let mut alone: Vec<(f64, f64, usize)> = Vec::new();
+        for candidate in self.turning() {
+            let each: Vec<Turned> =
+                rows.iter().map(|row| self.turn(candidate, std::slice::from_ref(row))).collect();
+            let squares = each.iter().map(|one| one.squares).sum::<f64>();
+            let size = each.iter().map(|one| one.shift.powi(2)).sum::<f64>() / rows.len() as f64;
+            alone.push((squares, size.sqrt(), candidate));
+        }
+        alone.retain(|(squares, ..)| dof > 0.0 && !self.leaves_of(*squares, dof));
+        alone.sort_by(|a, b| a.0.total_cmp(&b.0));
+        self.out = Some(0);
+        let began = self.began(first, tested);
+        let mut spec = Spec { term: UNNAMED.into(), target: Some(ALL.into()), place: None };
+        let unit = self.watched.under.model.mechanism.length_unit.clone();
+        let mut found = Alarm { action: Action::Stop, size: self.misclosure(&rows), unit, ..began };
+        let mut named = alone.iter().filter_map(|(_, size, candidate)| {
+            let place = self.watched.places.iter().find(|p| p.candidate == *candidate)?;
+            let own =
+                Spec { term: place.term.into(), target: Some(place.target.clone()), place: None };
+            Some((own, *size, place.unit.clone()))
+        });
+        if let Some((own, size, unit)) = named.next() {
+            let sd = size / (2.0 * rows.len() as f64).sqrt();
+            let change = Change { name: "noise".into(), value: size, sd, unit: unit.clone() };
+            (spec, found.size, found.sd, found.unit) = (own, size, sd, unit);
+            found.parameters = vec![change];
+            found.also_fits = named.map(|(own, ..)| own).collect();
+        }
+        Some(Alarm { spec, ..found })
+    }
+
+    /// Misclosure of some rows, root mean square [length unit].
+    fn misclosure(&mut self, rows: &[Kept]) -> f64 {
+        let lengths = self.watched.under.model.lengths();
+        let mut squares = 0.0;
+        for part in rows.chunks(WIDTH) {
+            part.iter().enumerate().for_each(|(lane, row)| self.again.put(lane, &row.2));
+            squares += self.again.misclosure(&self.watched, &lengths, part.len());
+        }
+        (squares / (rows.len() * lengths.len()).max(1) as f64).sqrt()
+    }
+
+    /// True while what happened is not named; tested again once loops have closed in as many rows as confirm a change.
+    pub(super) fn is_out(&mut self, row: u64) -> bool {
+        let Some(closed) = self.out else { return false };
+        let width = self.watched.order.len();
+        self.whitening.interrupt();
+        let squared = self.state.compare(&self.r, &self.g, width) / self.scale;
+        if squared > self.outside {
+            self.out = Some(0);
+            return true;
+        }
+        self.out = Some(closed + 1);
+        if closed + 1 < CONFIRMED as u64 {
+            return true;
+        }
+        self.out = None;
+        self.windows.now.mark.row = row;
+        self.restart();
+        self.age = 0;
+        false
+    }
+
+    /// True for a name of these rows far outside that is far from what is typical, and leaves more of them than chance or
+    /// has as many numbers as they have equations.
+    pub(super) fn is_lost(&mut self, alarms: &[Alarm], last: u64) -> bool {
+        let numbers: usize = alarms.iter().map(|alarm| alarm.parameters.len()).sum();
+        if !alarms.iter().any(|alarm| self.is_far(alarm)) {
+            return false;
+        }
+        let Some(open) = self.open.take() else { return false };
+        let rest = self.refit(&open, open.named, last);
+        self.open = Some(open);
+        numbers >= CONFIRMED * self.r.len()
+            || rest.is_none_or(|rest| self.leaves(rest.squares, rest.rows))
+    }
+
+    /// True for a change of many times the typical size.
+    fn is_far(&self, alarm: &Alarm) -> bool {
+        let mut candidates = self.watched.candidates.iter();
+        candidates.find(|candidate| candidate.spec == alarm.spec).is_some_and(|own| {
+            let typical = own.typical.iter().zip(&own.scale).map(|(typical, unit)| typical * unit);
+            let near = |(change, typical): (&Change, f64)| change.value.abs() <= FAR * typical;
+            !alarm.parameters.iter().zip(typical).all(near)
+        })
+    }
+
+    /// Candidates that are offsets of joints that turn.
+    fn turning(&self) -> Vec<usize> {
+        let mechanism = &self.watched.under.model.mechanism;
+        let places = self.watched.places.iter();
+        let channels = places.filter(|p| p.channel.is_some_and(|c| mechanism.turns(c)));
+        channels.map(|place| place.candidate).collect()
+    }
+
+    /// The angle by which a joint explains rows best.
+    fn turn(&mut self, candidate: usize, rows: &[Kept]) -> Turned {
+        let position = self.watched.candidates[candidate].columns[0];
+        let column = self.watched.order[position];
+        let was = self.watched.at[column];
+        let mut at = |shift: f64| {
+            self.watched.at[column] = was + shift;
+            self.squares_of(rows)
+        };
+        let step = std::f64::consts::TAU / ANGLES as f64;
+        let tried = (0..ANGLES).map(|k| {
+            let shift = (k as f64 - 0.5 * ANGLES as f64) * step;
+            (at(shift), shift)
+        });
+        // A linkage may be closed in several ways, or nearly.
+        let tried: Vec<(f64, f64)> = tried.collect();
+        let valleys = (0..ANGLES).filter(|&k| {
+            let beside = [ANGLES - 1, 1].map(|by| tried[(k + by) % ANGLES].0);
+            beside.iter().all(|own| tried[k].0 <= *own)
+        });
+        let lowest = valleys.map(|k| lowest(&mut at, tried[k].1, step));
+        let lowest = lowest.min_by(|a, b| a.0.total_cmp(&b.0));
+        self.watched.at[column] = was;
+        let (squares, shift) = lowest.unwrap_or((f64::INFINITY, 0.0));
+        Turned { candidate, shift, squares }
+    }
+
+    /// What rows leave about the present parameters, as they are known before these rows.
+    fn squares_of(&mut self, rows: &[Kept]) -> f64 {
+        let width = self.watched.order.len();
+        let state = self.state.clone();
+        let mut squares = 0.0;
+        let Self { again, watched, whitening, state: own, unsteady, whitener, scale, .. } = self;
+        whitening.interrupt();
+        again.each(watched, &numbered(rows), |place, r, g| {
+            whitener.row(watched, unsteady, *scale, rows[place].0, r, g);
+            whitening.filter(r, g);
+            squares += own.compare(r, g, width) / *scale;
+            own.absorb();
+        });
+        self.state = state;
+        squares
+    }
+
+    fn leaves_of(&self, squares: f64, dof: f64) -> bool {
+        let spread = self.spread.max(1.0);
+        dof > 0.0 && log_tail(squares / spread, dof / spread) < self.rate.ln()
+    }
+
+    /// Goes on from the angle to which a joint has turned, and says so.
+    fn jumped(
+        &mut self,
+        best: Turned,
+        also_fits: Vec<Spec>,
+        rows: &[Kept],
+        tested: Tested,
+    ) -> Alarm {
+        let named = self.watched.candidates[best.candidate].clone();
+        let mut position = named.columns[0];
+        let before = self.watched.at.clone();
+        self.watched.at[self.watched.order[position]] += best.shift;
+        let sd = self.sd_of(position, rows);
+        if position >= self.watched.uncertain {
+            self.score.turned.swap(position, self.watched.uncertain);
+            let joined = self.watched.uncertain;
+            self.watched.join(position);
+            position = joined;
+        }
+        let (known, size) = (self.state.size, self.watched.uncertain);
+        let mut covariance = DMatrix::zeros(size, size);
+        let own = DMatrix::from_row_slice(known, known, &self.state.covariance);
+        covariance.view_mut((0, 0), (known, known)).copy_from(&own);
+        covariance[(position, position)] += (sd / self.watched.scale[position]).powi(2);
+        let mean = self.state.mean.clone();
+        self.state.set(&mean, &covariance);
+        let watched = &self.watched;
+        let noise = &watched.under.noise;
+        let in_row = |at: &[f64]| watched.in_row(at, tested.row);
+        let platform_rms = self.seen.change(watched, noise, &in_row(&before), &in_row(&watched.at));
+        let (name, unit) = &named.parameters[0];
+        let change = Change { name: (*name).into(), value: best.shift, sd, unit: unit.clone() };
+        let first = rows.first().map_or(tested.row, |row| row.0);
+        self.open = None;
+        Alarm {
+            spec: named.spec,
+            size: best.shift,
+            sd,
+            unit: unit.clone(),
+            parameters: vec![change],
+            platform_rms,
+            also_fits,
+            ..self.began(first, tested)
+        }
+    }
+
+    /// Standard deviation (rad) of the angle of a joint by these rows, from the curvature of the sum of squares.
+    fn sd_of(&mut self, position: usize, rows: &[Kept]) -> f64 {
+        let column = self.watched.order[position];
+        let (was, step) = (self.watched.at[column], self.watched.scale[position]);
+        let mut at = |by: f64| {
+            self.watched.at[column] = was + by;
+            self.squares_of(rows)
+        };
+        let curvature = (at(step) + at(-step) - 2.0 * at(0.0)) / (step * step);
+        self.watched.at[column] = was;
+        (2.0 / curvature.max(f64::MIN_POSITIVE)).sqrt().min(std::f64::consts::PI)
+    }
+
+    /// An alarm of rows that are far outside from the row `first` on.
+    fn began(&self, first: u64, tested: Tested) -> Alarm {
+        let since = self.recent.time_of(first).unwrap_or(first as f64);
+        // No sample of so many is as far outside by chance.
+        let p_value =
+            self.rate.min(f64::MIN_POSITIVE.max(log_tail(self.outside, self.r.len() as f64).exp()));
+        Alarm {
+            row: tested.row,
+            time: tested.time,
+            since_row: first,
+            since,
+            p_value,
+            ..Alarm::default()
+        }
+    }
+}
+
+/// The least value of a function within a step of a place, and where, by the golden section.
+fn lowest(at: &mut impl FnMut(f64) -> f64, near: f64, step: f64) -> (f64, f64) {
+    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let (mut low, mut high) = (near - step, near + step);
+    let inner = |low: f64, high: f64| [high - golden * (high - low), low + golden * (high - low)];
+    let mut x = inner(low, high);
+    let mut y = x.map(&mut *at);
+    for _ in 0..NARROWED {
+        if y[0] < y[1] {
+            high = x[1];
+            x = inner(low, high);
+            y = [at(x[0]), y[0]];
+        } else {
+            low = x[0];
+            x = inner(low, high);
+            y = [y[1], at(x[1])];
+        }
+    }
+    let place = 0.5 * (low + high);
+    (at(place), place)
+}
