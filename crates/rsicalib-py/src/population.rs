@@ -181,14 +181,14 @@ pub fn common_shifts<'py>(
     found.iter().map(|one| Ok(one.as_ref().map(|one| pythonize(py, one)).transpose()?)).collect()
 }
 
-/// Median of a parameter over usable devices, standard deviation between them, and of one of them.
-type PyUsual = (f64, f64, f64);
+/// Median of a parameter over usable devices, standard deviation between them, and of one of them; how many they are.
+type PyUsual = (f64, f64, f64, usize);
 
 /// A device, how much it stands out, and the parameter with how many times worse than usual it is known.
 type PyRemark = (usize, f64, Option<(usize, Option<f64>)>);
 
-fn usual_of((median, between, within): PyUsual) -> Usual {
-    Usual { median, between, within }
+fn usual_of((median, between, within, devices): PyUsual) -> Usual {
+    Usual { median, between, within, devices }
 }
 
 /// Pairs of numbers, row by row.
@@ -202,7 +202,7 @@ fn verdicts_of(places: &PyReadonlyArray1<'_, i64>) -> Vec<Option<Verdict>> {
     places.as_array().iter().map(verdict).collect()
 }
 
-/// What is usual of a parameter over a fleet, (median, sd between devices, sd of one), and the device that is
+/// What is usual of a parameter over a fleet, (median, sd between devices, sd of one, how many), and the device that is
 /// farthest from that, with its distance; None for too few. `devices` has a value and its sd in each row,
 /// `verdicts` their places in `VERDICTS`, -1 for refused.
 #[pyfunction]
@@ -212,7 +212,8 @@ pub fn usual(
 ) -> Option<(PyUsual, (usize, f64))> {
     let devices: Vec<Known> = pairs(&devices);
     let found = Usual::of(&devices, &verdicts_of(&verdicts))?;
-    Some(((found.median, found.between, found.within), found.furthest(&devices)))
+    let usual = (found.median, found.between, found.within, found.devices);
+    Some((usual, found.furthest(&devices)))
 }
 
 /// Distance of each device from what is usual, in standard deviations; NaN where it is not known.

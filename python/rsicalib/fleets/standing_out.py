@@ -43,6 +43,8 @@ class Spread:
         median.
     within : float
         Median standard deviation of the estimate of one device.
+    devices : int
+        How many devices these are.
     furthest : tuple of int and float
         The device that is farthest from the median, and how far.
     """
@@ -51,12 +53,13 @@ class Spread:
     median: float
     between: float
     within: float
+    devices: int
     furthest: tuple[int, float]
 
     @property
-    def usual(self) -> tuple[float, float, float]:
+    def usual(self) -> tuple[float, float, float, int]:
         """What the core compares devices with."""
-        return self.median, self.between, self.within
+        return self.median, self.between, self.within, self.devices
 
     def distances(self, rows: Mapping[str, Sequence[Any]]) -> FloatArray:
         """How far each device is from the median, shape (n,); NaN where unknown.

@@ -76,6 +76,12 @@ pub fn normal_quantile(p: f64) -> f64 {
     quantile(&Normal::standard(), p)
 }
 
+/// As [`two_sided_limit`], of numbers in units of a standard deviation that is known from so many degrees of freedom.
+#[must_use]
+pub fn student_limit(level: f64, tests: usize, dof: f64) -> f64 {
+    student_quantile(1.0 - 0.5 * level / tests.max(1) as f64, dof)
+}
+
 /// `z` with `P(|N(0,1)| > z) = level` for the largest of so many tests; of one test where there are
 /// none.
 #[must_use]

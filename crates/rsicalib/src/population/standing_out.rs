@@ -1,11 +1,15 @@
 //! Devices that stand out of a fleet: by their verdict, or by a parameter.
 
 use crate::diagnosis::verdict::Verdict;
-use crate::numerics::distributions::two_sided_limit;
+use crate::numerics::distributions::student_limit;
 use crate::numerics::median::median;
 
 /// Devices from which on a spread tells what is usual.
-const FEWEST: usize = 20;
+const FEWEST: usize = 5;
+
+/// Efficiency of the median distance from the median, of normal numbers (Rousseeuw and Croux 1993): it knows the standard
+/// deviation as well as so large a share of them does.
+const EFFICIENCY: f64 = 0.37;
 
 /// Probability of naming any parameter of a fleet of normal devices.
 const FALSE: f64 = 0.01;
@@ -28,10 +32,12 @@ pub struct Usual {
     pub between: f64,
     /// Median standard deviation of one device; NaN where none is known.
     pub within: f64,
+    /// How many devices these are.
+    pub devices: usize,
 }
 
 impl Usual {
-    /// Of devices with these verdicts; a refused device has no verdict. None where fewer than 20 devices are usable.
+    /// Of devices with these verdicts; a refused device has no verdict. None where fewer than 5 are usable.
     #[must_use]
     pub fn of(devices: &[Known], verdicts: &[Option<Verdict>]) -> Option<Self> {
         let usable = |verdict: &Option<Verdict>| verdict.is_some_and(|v| v.exit_code() == 0);
@@ -43,7 +49,13 @@ impl Usual {
         let middle = median(known.iter().map(|own| own.0).collect());
         let between = NORMAL * median(known.iter().map(|own| (own.0 - middle).abs()).collect());
         let within = median(known.iter().map(|own| own.1).filter(|sd| sd.is_finite()).collect());
-        Some(Self { median: middle, between, within })
+        Some(Self { median: middle, between, within, devices: known.len() })
+    }
+
+    /// How far a device is from the median where one of so many numbers of normal devices is by chance: few devices
+    /// know their own spread badly.
+    fn limit(&self, numbers: usize) -> f64 {
+        student_limit(FALSE, numbers, EFFICIENCY * self.devices.saturating_sub(1) as f64)
     }
 
     /// How far a device is from the median, in units of the larger of `between` and its own standard
@@ -91,7 +103,7 @@ pub fn by_parameter(
     verdicts: &[Option<Verdict>],
     numbers: usize,
 ) -> Vec<Remark> {
-    let limit = two_sided_limit(FALSE, numbers);
+    let limit = usual.limit(numbers);
     let one = |(device, (&own, verdict)): (usize, (&Known, &Option<Verdict>))| {
         let (size, weak) = (usual.far(own).abs(), own.1 / usual.within);
         let is_weak = weak > WEAK && *verdict != Some(Verdict::Undetermined);
@@ -136,11 +148,13 @@ fn rank(verdict: Option<Verdict>) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numerics::distributions::normal_quantile;
+    use crate::numerics::random::Random;
 
     #[test]
     fn a_device_is_named_by_the_limit_of_all_numbers_that_are_looked_at() {
         // scipy.stats.norm.isf(0.005), version 1.17: 0.5 % in each tail.
-        let usual = Usual { median: 1.0, between: 0.1, within: 0.01 };
+        let usual = Usual { median: 1.0, between: 0.1, within: 0.01, devices: 1_000_000_000 };
         let verdicts = [Some(Verdict::Adequate); 2];
         let devices = [(1.0 + 0.1 * 2.575, 0.01), (1.0 - 0.1 * 2.577, 0.01)];
         let found = by_parameter(0, &usual, &devices, &verdicts, 1);
@@ -155,10 +169,36 @@ mod tests {
         devices.push((1e9, 1e9));
         verdicts.push(Some(Verdict::Undetermined));
         // Of 0 to 20 the median is 10, and the median distance from it is 5.
-        let usual = Usual { median: 10.0, between: 1.4826 * 5.0, within: 0.5 };
+        let usual = Usual { median: 10.0, between: 1.4826 * 5.0, within: 0.5, devices: 21 };
         assert_eq!(Usual::of(&devices, &verdicts), Some(usual));
-        verdicts[0] = None;
-        verdicts[1] = None;
+        verdicts[..17].fill(None);
         assert_eq!(Usual::of(&devices, &verdicts), None);
+    }
+
+    #[test]
+    fn small_fleets_of_normal_devices_name_none_and_one_that_is_far_off() {
+        let mut random = Random::new(20_261_128);
+        for (devices, far) in [(6, 150.0), (12, 30.0), (40, 10.0)] {
+            let (verdicts, numbers) = (vec![Some(Verdict::Adequate); devices], 9 * devices);
+            let (mut named, fleets) = (0, 300);
+            for _ in 0..fleets {
+                let any = (0..9).any(|number| {
+                    let mut own: Vec<Known> = (0..devices)
+                        .map(|_| (normal_quantile(random.uniform(0.0, 1.0)), 0.01))
+                        .collect();
+                    let remarks = |own: &[Known]| {
+                        let usual = Usual::of(own, &verdicts).expect("enough devices");
+                        by_parameter(number, &usual, own, &verdicts, numbers)
+                    };
+                    let any = !remarks(&own).is_empty();
+                    own[3].0 += far;
+                    assert!(remarks(&own).iter().any(|one| one.device == 3));
+                    any
+                });
+                named += usize::from(any);
+            }
+            // 1 % is promised: of 300, 3 and three of their standard deviations.
+            assert!(named <= 8, "{devices} devices: {named} of {fleets} fleets");
+        }
     }
 }
