@@ -152,7 +152,10 @@ impl Life<'_> {
     fn with_jumps(&self, line: bool) -> Priced {
         let mut here = self.priced(Shape { line, jumps: Vec::new() });
         let mut best = here.clone();
-        let most = self.past.len().saturating_sub(2 + usize::from(line)) / 2;
+        // Two results for each part, but for a jump that a result has told itself.
+        let found = self.past.len().saturating_sub(2 + usize::from(line)) / 2;
+        let told = (0..self.past.len() - 1).filter(|&j| self.is_told(j)).count();
+        let most = (found + told).min(self.past.len().saturating_sub(1 + usize::from(line)));
         for _ in 0..most {
             let tau2 = if here.scatter { likeliest(self.past, &here.shape) } else { 0.0 };
             let free = |j: &usize| {
@@ -168,7 +171,10 @@ impl Life<'_> {
                 let shape = with(j);
                 fitted(self.past, &shape, tau2).cost + self.charge(&shape, here.scatter)
             };
-            let places = (0..self.past.len() - 1).filter(free);
+            let untold = here.shape.jumps.iter().filter(|&&j| !self.is_told(j)).count();
+            let places = (0..self.past.len() - 1)
+                .filter(free)
+                .filter(|&j| self.is_told(j) || untold < found);
             let scored: Vec<(usize, f64)> = places.map(|j| (j, price(j))).collect();
             let Some(next) = scored.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
             here = self.priced(with(next.0));
@@ -287,6 +293,24 @@ mod tests {
         assert_eq!(course(&steps(2.0), &[], 1).map(|c| c.kind), Some(CourseKind::Still));
         let told = course(&steps(9.0), &[4], 1).and_then(|c| c.jumps.first().copied());
         assert!(told.is_some_and(|jump| jump.told && (jump.value - 9.0).abs() < 1e-9));
+    }
+
+    #[test]
+    fn of_a_few_results_a_jump_is_one_where_a_result_tells_it() {
+        let of = |values: &[f64], told: &[usize]| {
+            let past = values.iter().enumerate();
+            let past: Vec<Past> =
+                past.map(|(i, value)| Past { day: i as f64, value: *value, sd: 1.0 }).collect();
+            course(&past, told, 1).map(|c| (c.kind, c.jumps.first().map(|jump| jump.from)))
+        };
+        let jump = |from: usize| Some((CourseKind::Jump, Some(from)));
+        assert_eq!(of(&[0.0, 90.0], &[1]), jump(1));
+        assert_eq!(of(&[0.0, 90.0, 90.5], &[1]), jump(1));
+        assert_eq!(of(&[0.0, 0.5, 90.0], &[2]), jump(2));
+        // Told, and by no more than chance.
+        assert_eq!(of(&[0.0, 1.0], &[1]), Some((CourseKind::Still, None)));
+        // Where nothing was told three results that scatter are no jump.
+        assert_eq!(of(&[0.0, 90.0, 60.0], &[]), Some((CourseKind::Still, None)));
     }
 
     #[test]
