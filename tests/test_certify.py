@@ -280,6 +280,9 @@ def test_a_limit_is_decided_beyond_the_uncertainty_alone(
     at_places = rsicalib.workspace(traced, poses=20, seed=3).poses
     found = rsicalib.certify(traced, limit=1.0, at=at_places)
     assert found.uncertainty is not None
+    pandas = pytest.importorskip("pandas")
+    as_frame = pandas.DataFrame(at_places, columns=list("xyz") + ["rx", "ry", "rz"])
+    assert rsicalib.certify(traced, limit=1.0, at=as_frame).uncertainty == found.uncertainty
     expanded = found.uncertainty.expanded
     assert found.decision == "within" and found.exit_code == 0 and found.decides is None
     assert rsicalib.certify(traced, limit=1.001 * expanded, at=at_places).decision == "within"

@@ -46,6 +46,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "none.json").write_text("[]")
     (place / "other.json").write_text(text.replace('"seven"', '"eight"'))
     (place / "undated.json").write_text(text.replace(f'"{DATES[-1]}"', "null"))
+    (place / "misdated.json").write_text(text.replace(f'"{DATES[-1]}"', '"01/09/2025"'))
+    (place / "sent again.json").write_text(text)
     return place
 
 
@@ -89,11 +91,16 @@ def test_a_history_is_a_table_a_picture_and_a_line(folder: Path) -> None:
 
 def test_damaged_and_foreign_files_are_listed_and_left_out(folder: Path) -> None:
     left = {one.file: one.reason for one in rsicalib.history(folder).left_out}
-    assert set(left) == {"broken.json", "none.json", "other.json", "undated.json"}
+    assert set(left) == {
+        *("broken.json", "none.json", "other.json", "undated.json"),
+        *("misdated.json", "sent again.json"),
+    }
     assert "JSON" in left["broken.json"]
     assert not [reason for reason in left.values() if str(folder) in reason]  # `file` says which
     assert "'eight'" in left["other.json"]
     assert "date" in left["undated.json"]
+    assert "found '01/09/2025'" in left["misdated.json"]
+    assert left["sent again.json"] == f"a copy of {DATES[-1]}.json"
     assert rsicalib.history(folder, device="eight").results[0].file == "other.json"
     with pytest.raises(InputError, match="'nine'"):
         rsicalib.history(folder, device="nine")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime
 import json
 import pickle
+import shutil
 import signal
 import subprocess
 import sys
@@ -95,6 +97,31 @@ def test_row_by_row_and_all_at_once_say_the_same(step: dict[str, Any]) -> None:
     assert [a.row for a in at_once] == [a.row for a in one_by_one]
     assert [a.target for a in at_once] == [a.target for a in one_by_one]
     np.testing.assert_allclose([a.size for a in at_once], [a.size for a in one_by_one], rtol=1e-6)
+
+
+def test_rows_of_a_frame_and_times_as_dates_are_taken_as_they_are(
+    step: dict[str, Any], tmp_path: Path
+) -> None:
+    """A row of a frame is one sample by name; a file may have dates, counted from the first."""
+    pandas = pytest.importorskip("pandas")
+    values = step["values"][2500:3500]
+    start = datetime.datetime(2026, 3, 3, 1, 6, 40, tzinfo=datetime.UTC)
+    seconds = np.arange(len(values)) / RATE_HZ
+    frame = pandas.DataFrame(values, columns=NAMES)
+    frame["time_s"] = [(start + datetime.timedelta(seconds=s)).isoformat() for s in seconds]
+    path = tmp_path / "dated.csv"
+    frame.to_csv(path, index=False)
+    dated = rsicalib.watch(path, step["calibration"])
+    alarms = list(dated)
+    assert dated.summary().used == len(values)
+    told = Monitor(step["calibration"]).update(values, seconds)
+    assert alarms and [a.row for a in alarms] == [a.row for a in told]
+    assert alarms[0].since == pytest.approx(told[0].since, abs=1e-6)
+    frame["time_s"] = seconds
+    monitor = Monitor(step["calibration"])
+    each = [alarm for k in range(len(frame)) for alarm in monitor.update(frame.iloc[k])]
+    assert [a.row for a in each] == [a.row for a in told]
+    assert each[0].time_s == pytest.approx(told[0].time_s)
 
 
 def test_a_drift_is_named_once_with_its_rate() -> None:
@@ -393,6 +420,22 @@ def shared(step: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> di
     path.write_text("\n".join([",".join(["device", *NAMES]), *lines]) + "\n")
     said = {name: Monitor(step["calibration"]).update(alone[name]) for name in ("a/1", "ä")}
     return {"path": path, "results": results, "alone": alone, "said": said}
+
+
+def test_of_several_results_the_latest_that_can_be_relied_on_is_watched_under(
+    step: dict[str, Any], shared: dict[str, Any], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    results = tmp_path / "results"
+    shutil.copytree(shared["results"], results)
+    values = dataclasses.replace(step["calibration"], device="ä").to_dict()
+    values |= {"verdict": "implausible", "valid_from": "2099-01-01"}
+    values["parameters"][0]["value"] += 1.0
+    rsicalib.Calibration.from_dict(values).save(results / "later.json")
+    found = list(rsicalib.watch_devices(shared["path"], results))
+    expected = shared["said"]["ä"]
+    own = [(a.row, a.target) for a in found if a.device == "ä"]
+    assert expected and own == [(a.row, a.target) for a in expected]
+    assert "is implausible: nothing that follows from it can be relied on" in caplog.text
 
 
 @pytest.mark.parametrize("awake", [1, 128])

@@ -9,11 +9,12 @@ from __future__ import annotations
 import contextlib
 import csv
 import itertools
+import math
 import os
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Any
 
@@ -27,7 +28,7 @@ from rsicalib.io.frames import SOURCE, Cells, TableArg, columns_of
 from rsicalib.io.messages import documents, is_message, message_of, positions_of
 from rsicalib.io.sources import LONGEST_LINE, decoded
 from rsicalib.io.tables import PARQUET, is_dates, numbers
-from rsicalib.io.times import TIME, first_of, seconds_of_dates
+from rsicalib.io.times import TIME, date_of, first_of, seconds_of_dates
 
 CHUNK = 1 << 16
 """Bytes that are read at a time, at most: what a pipe holds is taken as soon as it is there."""
@@ -206,11 +207,35 @@ def _table(
 ) -> Iterator[Rows]:
     """Rows of CSV."""
     places: _Places | None = None
+    clock = _Clock()
     for lines in parts:
         if places is None:
             places = _header(lines.pop(0), label, channels, device)
         if lines:
-            yield _parsed(lines, places)
+            yield _parsed(lines, places, clock)
+
+
+@dataclass
+class _Clock:
+    """Times of lines: numbers [s], or dates where the first of them is one, counted from that."""
+
+    dated: bool | None = None
+    first: np.datetime64 | None = None
+
+    def reads_dates(self, cell: str) -> bool:
+        """Whether times are dates, as the first that is asked about says."""
+        if self.dated is None and cell:
+            self.dated = math.isnan(_number(cell)) and date_of(cell) is not None
+        return bool(self.dated)
+
+    def seconds(self, cells: Sequence[str]) -> FloatArray:
+        """Seconds since the first date; NaN of what is none."""
+        found = [date_of(cell) for cell in cells]
+        nothing = np.datetime64("NaT")
+        dates = np.array([nothing if date is None else date for date in found], "datetime64[us]")
+        if self.first is None or np.isnat(self.first):
+            self.first = first_of(dates)
+        return seconds_of_dates(dates, self.first)
 
 
 def _messages(parts: Iterator[list[bytes]], joints: dict[str, str]) -> Iterator[Rows]:
@@ -247,8 +272,11 @@ def _places(names: Sequence[str], label: str, channels: Sequence[str], device: b
     return _Places(own, when, names.index(DEVICE) if device else None)
 
 
-def _parsed(lines: list[bytes], places: _Places) -> Rows:
+def _parsed(lines: list[bytes], places: _Places, clock: _Clock) -> Rows:
     columns, when = places.channels, places.time
+    if when is not None and clock.reads_dates(_cell(lines[0], when)):
+        undated = _parsed(lines, replace(places, time=None), clock)
+        return replace(undated, time_s=clock.seconds([_cell(line, when) for line in lines]))
     wanted = [*columns] if when is None else [*columns, when]
     try:
         table = np.loadtxt(lines, delimiter=",", usecols=wanted, ndmin=2, comments=None)
@@ -261,10 +289,13 @@ def _parsed(lines: list[bytes], places: _Places) -> Rows:
 
 def _devices(lines: list[bytes], place: int | None) -> tuple[str, ...] | None:
     """The device of each line; no name where a line is too short."""
-    if place is None:
-        return None
-    cells = (line.split(b",", place + 1)[place : place + 1] for line in lines)
-    return tuple(b"".join(cell).strip(b' \t\r"').decode("utf-8", "replace") for cell in cells)
+    return None if place is None else tuple(_cell(line, place) for line in lines)
+
+
+def _cell(line: bytes, place: int) -> str:
+    """A cell of text; empty where a line is too short."""
+    cell = b"".join(line.split(b",", place + 1)[place : place + 1])
+    return cell.strip(b' \t\r"').decode("utf-8", "replace")
 
 
 def _cells(line: bytes, wanted: list[int]) -> list[float]:

@@ -135,6 +135,15 @@ def _of_numpy(cell: Any) -> Any:
     return np.datetime64(cell) if isinstance(cell, datetime.datetime) else np.timedelta64(cell)
 
 
+def date_of(text: str) -> np.datetime64 | None:
+    """A date as ISO 8601 has it, UTC where it says no zone; None for other text."""
+    try:
+        when = datetime.datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    return np.datetime64(_of_numpy(when), "us")
+
+
 def seconds_of_dates(dates: npt.NDArray[Any], first: Any = None) -> FloatArray:
     """Dates as seconds from the first, or from `first`; durations in seconds. NaN for NaT."""
     if dates.dtype.kind == "M":

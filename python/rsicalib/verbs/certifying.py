@@ -20,8 +20,9 @@ from rsicalib.facts.certified import Known, Uncertainty
 from rsicalib.facts.shapes import TraceShape
 from rsicalib.io.builtin import DEFAULT
 from rsicalib.io.cells import POSE
+from rsicalib.io.frames import columns_of, is_frame
 from rsicalib.io.readings import Readings
-from rsicalib.io.tables import read_table
+from rsicalib.io.tables import numbers, read_table
 from rsicalib.plain_text import quoted
 from rsicalib.planning.measures import parameters_of
 from rsicalib.planning.platform_sd import readings_at_work
@@ -83,7 +84,7 @@ def certify(
         `"2 mrad"` or `"0.1 deg"` is a limit of the orientation.
     confidence : float
         Probability of the expanded uncertainty.
-    at : path, Readings, or array_like of shape (n, 6), optional
+    at : path, Readings, data frame, or array_like of shape (n, 6), optional
         Places that count: readings, or poses `x y z` [length unit], `rx ry rz` [rad] of a
         platform. 200 of the workspace where not given.
 
@@ -245,6 +246,11 @@ def _poses_of(at: Any, mechanism: Mechanism) -> FloatArray | None:
         if not len(poses):
             raise InputError.at(table.source, "no row", "a pose at least")
         return poses
+    if is_frame(at):
+        given = columns_of(at)
+        read = any(channel.name in given for channel in mechanism.channels)
+        if not read and set(POSE) <= set(given):
+            at = np.stack([numbers(given[name]) for name in POSE], axis=1)
     if isinstance(at, list | tuple | np.ndarray):
         try:
             poses = np.ascontiguousarray(at, dtype=np.float64)

@@ -16,6 +16,7 @@ import numpy as np
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
+from rsicalib.facts.verdicts import UNUSABLE
 from rsicalib.io.frames import TableArg
 from rsicalib.io.stream import Rows, rows_in_memory, rows_of
 from rsicalib.results.result import Result
@@ -98,20 +99,21 @@ def _rate(given: float | str | None) -> float | None:
 
 
 def _results(folder: Path, mechanism: Mechanism) -> dict[str, Path]:
-    """The latest result of each device."""
-    latest: dict[str, tuple[str, Path]] = {}
+    """The latest result of each device, usable ones before those that are not."""
+    latest: dict[str, tuple[bool, str, Path]] = {}
     for path in sorted(folder.rglob("*.json")):
         try:
             result, _ = earlier_result(path, mechanism)
         except InputError:
             continue  # another file; where none is left, that is said below
-        day = result.valid_from or ""
-        if result.device is not None and day >= latest.get(result.device, ("", path))[0]:
-            latest[result.device] = (day, path)
+        if result.device is None:
+            continue
+        own = (result.verdict not in UNUSABLE, result.valid_from or "", path)
+        latest[result.device] = max(own, latest.get(result.device, own))
     if not latest:
         found, expected = "no result of a named device", "results of `calibrate --device NAME`"
         raise InputError.at(str(folder), found, expected)
-    return {name: path for name, (_, path) in latest.items()}
+    return {name: path for name, (_, _, path) in latest.items()}
 
 
 def _gathered(rows: Iterable[Rows]) -> Iterator[Rows]:

@@ -112,6 +112,7 @@ def _read(
     """Results of the mechanism with a date, the other files, the mechanism with their laws."""
     read: list[tuple[str, Result]] = []
     left_out = []
+    first: dict[tuple[object, ...], str] = {}
     for path in sorted(place.rglob("*.json")):
         name = path.relative_to(place).as_posix()
         try:
@@ -121,12 +122,31 @@ def _read(
             continue
         if result.valid_from is None:
             left_out.append(LeftOut(name, "without a date (--date)"))
+        elif not _is_date(result.valid_from):
+            found = f"found {result.valid_from!r} as its date, expected 2025-03-01, or with a time"
+            left_out.append(LeftOut(name, found))
+        elif (same := first.setdefault(_told(result), name)) != name:
+            left_out.append(LeftOut(name, f"a copy of {same}"))
         elif result.verdict in UNUSABLE:
             left_out.append(LeftOut(name, f"{result.verdict}: no parameters to rely on"))
         else:
             read.append((name, result))
             mechanism = extended
     return read, left_out, mechanism
+
+
+def _is_date(text: str) -> bool:
+    try:
+        days_of(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _told(result: Result) -> tuple[object, ...]:
+    """What no two calibrations have alike: date, device and all digits of the parameters."""
+    values = ((p.at, p.name, p.value, p.sd) for p in result.parameters)
+    return (result.valid_from, result.device, *values)
 
 
 def _called(device: str | None) -> str:

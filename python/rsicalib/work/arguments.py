@@ -97,6 +97,8 @@ def earlier_result(
         raise InputError.at(where, found, expected, place="noise.sigma")
     extended = _with_laws(mechanism, result)
     refuse_other_units(result, extended, where)
+    if result.verdict == "implausible":
+        tell(f"{result.called} is implausible: nothing that follows from it can be relied on")
     said = edits(result, extended)
     if said is not None:
         tell(said)
