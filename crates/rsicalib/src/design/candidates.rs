@@ -251,7 +251,10 @@ impl Space<'_> {
     fn at_poses(&self, drawn: Vec<[f64; 6]>) -> Result<Candidates, Error> {
         let model = &self.at.model;
         let channels = model.mechanism.channels.len();
-        let inverse = inverse(&model.mechanism);
+        // Of several ways to hold a pose, the one in which the session was.
+        let mean = model.scales.iter().zip(&self.at.session.readings.mean);
+        let been = mean.map(|(scale, mean)| scale.angle + scale.gain * (mean - scale.centre));
+        let inverse = inverse(&model.mechanism, Some(been.collect()));
         let joints = workers::map(&drawn, |pose| match inverse(pose) {
             Ok(angles) => Ok(Some(angles)),
             Err(Error::OutOfReach { .. }) => Ok(None),

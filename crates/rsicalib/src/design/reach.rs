@@ -27,17 +27,24 @@ pub(crate) fn has_closed_form(mechanism: &Mechanism) -> bool {
 ///
 /// As [`assembly::inverse`].
 pub fn angles_at(mechanism: &Mechanism, pose: &[f64; 6]) -> Result<Vec<f64>, Error> {
-    inverse(mechanism)(pose)
+    inverse(mechanism, None)(pose)
 }
 
-/// [`angles_at`] for many poses of a mechanism.
+/// [`angles_at`] for many poses of a mechanism; where it has been, those that are near these joint coordinates come first.
 pub(crate) fn inverse(
     mechanism: &Mechanism,
+    been: Option<Vec<f64>>,
 ) -> impl Fn(&[f64; 6]) -> Result<Vec<f64>, Error> + Sync + '_ {
     let closed = has_closed_form(mechanism);
-    move |pose| match closed {
-        true => hand_controller::inverse(pose).map(|angles| angles.concat()),
-        false => assembly::inverse(mechanism, pose),
+    move |pose| {
+        if closed {
+            return hand_controller::inverse(pose).map(|angles| angles.concat());
+        }
+        let near = been.clone().map(|been| assembly::inverse_from(mechanism, pose, been));
+        match near {
+            Some(Ok(found)) => Ok(found),
+            _ => assembly::inverse(mechanism, pose),
+        }
     }
 }
 

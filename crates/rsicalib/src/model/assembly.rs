@@ -7,8 +7,15 @@ use crate::mechanism::{Channel, Closure, Mechanism, Point};
 use crate::model::compiled::Model;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::Lanes;
+use crate::numerics::random::Random;
 use crate::numerics::{dense, lm};
 use crate::readings::{Readings, Table};
+
+/// Places from which the joint coordinates of a pose are looked for, beside the middle of their limits.
+const OTHERS: usize = 4;
+
+/// Angle (rad) to each side in which they are, of a joint without limits.
+const BENT: f64 = 1.5;
 
 /// Names and positions of the platform's points at a pose, in base coordinates. `pose` is
 /// `x y z rx ry rz` (length units, rad), eq. (1).
@@ -50,18 +57,32 @@ fn touches(
 
 /// Joint coordinates (rad, or length units) that hold the platform at a pose, one per channel.
 ///
-/// The solver starts at the middle of the joint limits. `pose` is `x y z rx ry rz` (length units,
-/// rad), eq. (1).
+/// The solver starts at the middle of the joint limits, and, where that leads nowhere, from a few other places within
+/// them: a leg that is straight there cannot bend. `pose` is `x y z rx ry rz` (length units, rad), eq. (1).
 ///
 /// # Errors
 ///
 /// [`Error::Missing`] without a platform; [`Error::OutOfReach`] for a pose that no joint
 /// coordinates reach.
 pub fn inverse(mechanism: &Mechanism, pose: &[f64; 6]) -> Result<Vec<f64>, Error> {
-    let middle = |c: &Channel| {
-        c.limits.map_or_else(|| c.angle(c.middle()), |[low, high]| 0.5 * (low + high))
+    let size = mechanism.platform.values().flatten().map(|v| v.abs()).fold(0.0, f64::max);
+    let within = |(c, channel): (usize, &Channel)| {
+        let about = channel.angle(channel.middle());
+        let half = if mechanism.slides(c) { size } else { BENT };
+        channel.limits.unwrap_or([about - half, about + half])
     };
-    inverse_from(mechanism, pose, mechanism.channels.iter().map(middle).collect())
+    let within: Vec<[f64; 2]> = mechanism.channels.iter().enumerate().map(within).collect();
+    let middle = within.iter().map(|[low, high]| 0.5 * (low + high)).collect();
+    let found = inverse_from(mechanism, pose, middle);
+    let random = &mut Random::new(0);
+    let others = (0..OTHERS).map(|_| {
+        let start = within.iter().map(|[low, high]| random.uniform(*low, *high));
+        inverse_from(mechanism, pose, start.collect())
+    });
+    match found {
+        Err(Error::OutOfReach { .. }) => others.flat_map(Result::ok).next().map_or(found, Ok),
+        found => found,
+    }
 }
 
 /// The same from these joint coordinates: of several that hold the platform there, elbows up or down, those that the

@@ -17,6 +17,7 @@ use crate::estimate::{Noise, Observations};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Spec;
 use crate::monitor::alarm::Change;
+use crate::monitor::far::{LINEAR, nearest_turn, sd_about};
 use crate::monitor::platform::Seen;
 use crate::monitor::rows::Rows;
 use crate::monitor::score::Score;
@@ -37,6 +38,9 @@ const MOST_CHANGES: usize = 4;
 
 /// Linearisations about the estimate of a change.
 const LINEARISATIONS: usize = 4;
+
+/// Rows by which a joint that has turned far is looked for.
+const SOME: usize = 48;
 
 /// Standard deviation, in typical sizes, of what is not known.
 const UNKNOWN: f64 = 1e3;
@@ -125,6 +129,14 @@ struct Ranked {
     p_value: f64,
 }
 
+/// A joint that has turned farther than a linearisation reaches.
+struct TurnedFar {
+    candidate: usize,
+    /// By what angle (rad), and the standard deviation of that.
+    shift: f64,
+    sd: f64,
+}
+
 /// A change that is named.
 struct Named {
     candidate: usize,
@@ -169,13 +181,22 @@ pub fn compare(
     session.used.iter().for_each(|&row| seen.see(session.rows.row(row)));
     let count = session.used.len() as f64 * watched.under.model.equations() as f64;
 
-    let was = watched.at.clone();
+    let mut was = watched.at.clone();
     let prior = watched.prior.clone();
     let rms_misclosure = session.misclosure(&watched);
     let mut pass = session.pass(&watched, &was, &prior);
     let (chi2_per_dof, p_value) = (pass.chi2 / count, session.p_value(pass.chi2, count));
     let mut changes: Vec<Named> = Vec::new();
     let mut tried = Vec::new();
+    // What has turned far is taken as it is: the others are linearised about it.
+    let before = was.clone();
+    let far = (p_value <= CHANGED_LEVEL).then(|| session.turned_far(&mut watched, pass.chi2));
+    let far = far.flatten();
+    if let Some(far) = &far {
+        was.clone_from(&watched.at);
+        pass = session.pass(&watched, &was, &watched.prior.clone());
+        tried.push(far.candidate);
+    }
     for _ in 0..MOST_CHANGES {
         let ranked = session.ranked(&watched, &pass, &tried);
         let Some(best) = Named::first(&watched, &ranked) else { break };
@@ -185,7 +206,8 @@ pub fn compare(
         tried.extend(changes.iter().map(|one| one.candidate));
     }
     let told = changes.iter().map(|one| watched.candidates[one.candidate].columns.len());
-    let left = session.p_value(pass.chi2, (count - told.sum::<usize>() as f64).max(1.0));
+    let told = told.sum::<usize>() + usize::from(far.is_some());
+    let left = session.p_value(pass.chi2, (count - told as f64).max(1.0));
     changes.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
     let found = changes.into_iter().map(|Named { candidate: k, p_value, also_fits }| {
         let (values, covariance, alone) =
@@ -196,7 +218,24 @@ pub fn compare(
         let platform_rms = seen.change(&watched, noise, &was, &alone);
         Found { term, target, size, sd, unit, parameters, p_value, platform_rms, also_fits }
     });
-    let changes = found.collect();
+    let far = far.map(|TurnedFar { candidate, shift, sd }| {
+        let ([term, target], own) = (name(&watched, candidate), &watched.candidates[candidate]);
+        let (parameter, unit) = own.parameters[0].clone();
+        let change = Change { name: parameter.into(), value: shift, sd, unit: unit.clone() };
+        let platform_rms = seen.change(&watched, noise, &before, &was);
+        Found {
+            term,
+            target,
+            size: shift,
+            sd,
+            unit,
+            parameters: vec![change],
+            p_value,
+            platform_rms,
+            also_fits: Vec::new(),
+        }
+    });
+    let changes = far.into_iter().chain(found).collect();
     Ok(Comparison { chi2_per_dof, p_value, rms_misclosure, changes, left })
 }
 
@@ -235,6 +274,46 @@ impl<'a> Session<'a> {
         };
         let used = (0..rows.samples).filter(|&row| samples[row] > 0.0).collect();
         Ok(Self { judged, rows, used, samples })
+    }
+
+    /// The joint that leaves hardly anything of `chi2` where it has turned far: puts it there. None where there is none.
+    fn turned_far(&self, watched: &mut Watched, chi2: f64) -> Option<TurnedFar> {
+        let some = self.used.iter().step_by(self.used.len().div_ceil(SOME).max(1));
+        let own = Self {
+            judged: self.judged,
+            rows: Arc::clone(&self.rows),
+            used: some.copied().collect(),
+            samples: self.samples.clone(),
+        };
+        let share = own.used.len() as f64 / self.used.len().max(1) as f64;
+        let best = watched.turning().into_iter().map(|candidate| {
+            let column = watched.order[watched.candidates[candidate].columns[0]];
+            let (squares, shift) = nearest_turn(&mut own.about(watched, column));
+            (squares, shift, candidate)
+        });
+        let (squares, shift, candidate) = best.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        if shift.abs() <= LINEAR || squares > LINEAR * LINEAR * share * chi2 {
+            return None;
+        }
+        let position = watched.candidates[candidate].columns[0];
+        let (column, step) = (watched.order[position], watched.scale[position]);
+        watched.at[column] += shift;
+        let sd = sd_about(&mut self.about(watched, column), step);
+        if position < watched.uncertain {
+            watched.prior[position * (watched.uncertain + 1)] += (sd / step).powi(2);
+        }
+        Some(TurnedFar { candidate, shift, sd })
+    }
+
+    /// `χ²` by how far one parameter is moved from where it is, and known there as well as before.
+    fn about(&self, watched: &mut Watched, column: usize) -> impl FnMut(f64) -> f64 {
+        let was = watched.at[column];
+        move |shift| {
+            watched.at[column] = was + shift;
+            let chi2 = self.pass(watched, &watched.at.clone(), &watched.prior.clone()).chi2;
+            watched.at[column] = was;
+            chi2
+        }
     }
 
     /// Sums over all rows about the present parameters, `prior` holding about `was`.

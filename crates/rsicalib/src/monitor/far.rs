@@ -18,7 +18,7 @@ use crate::monitor::weighing::{ALL, UNNAMED};
 use crate::numerics::lanes::WIDTH;
 
 /// Angles (rad) from which linearised estimates are off by a twentieth: a change by less is named by these.
-const LINEAR: f64 = 0.1;
+pub(super) const LINEAR: f64 = 0.1;
 
 /// Typical sizes beyond which a linearised change is not believed by itself.
 const FAR: f64 = 10.0;
@@ -44,7 +44,7 @@ impl Monitor {
         let rows = self.recent.between(first, tested.row)?;
         let dof = (rows.len() * self.r.len()) as f64;
         let mut turned: Vec<Turned> =
-            self.turning().into_iter().map(|candidate| self.turn(candidate, &rows)).collect();
+            self.watched.turning().into_iter().map(|k| self.turn(k, &rows)).collect();
         turned.retain(|one| !self.leaves_of(one.squares, dof - 1.0));
         turned.sort_by(|a, b| a.squares.total_cmp(&b.squares));
         let best = *turned.first().filter(|best| best.shift.abs() > LINEAR)?;
@@ -55,20 +55,27 @@ impl Monitor {
         Some(vec![self.jumped(best, as_well, &rows, tested)])
     }
 
-    /// The alarm of what is far off and has no such name. From now on nothing is tested until loops close again.
-    pub(super) fn lost(&mut self, first: u64, tested: Tested) -> Option<Alarm> {
-        let rows = self.recent.between(first, tested.row)?;
-        let dof = (rows.len() * (self.r.len().saturating_sub(1))) as f64;
-        let mut alone: Vec<(f64, f64, usize)> = Vec::new();
-        for candidate in self.turning() {
-            let each: Vec<Turned> =
-                rows.iter().map(|row| self.turn(candidate, std::slice::from_ref(row))).collect();
-            let squares = each.iter().map(|one| one.squares).sum::<f64>();
-            let size = each.iter().map(|one| one.shift.powi(2)).sum::<f64>() / rows.len() as f64;
-            alone.push((squares, size.sqrt(), candidate));
+    /// The alarm of what is far off and has no such name, in place of these alarms: from now on nothing is tested until
+    /// loops close again. None where they stand, and nothing was done; `before` is the state without these rows.
+    pub(super) fn lost(
+        &mut self,
+        alarms: &[Alarm],
+        before: Vec<u8>,
+        first: u64,
+        tested: Tested,
+    ) -> Option<Alarm> {
+        if !alarms.iter().any(|alarm| self.is_far(alarm)) {
+            return None;
         }
-        alone.retain(|(squares, ..)| dof > 0.0 && !self.leaves_of(*squares, dof));
-        alone.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let rows = self.recent.between(first, tested.row)?;
+        let named = self.names_all(alarms, tested.row);
+        let now = self.state();
+        let _same = self.restore(before);
+        let alone = self.alone(&rows);
+        if named && alone.is_empty() {
+            let _same = self.restore(now);
+            return None;
+        }
         self.out = Some(0);
         let began = self.began(first, tested);
         let mut spec = Spec { term: UNNAMED.into(), target: Some(ALL.into()), place: None };
@@ -122,18 +129,33 @@ impl Monitor {
         false
     }
 
-    /// True for a name of these rows far outside that is far from what is typical, and leaves more of them than chance or
-    /// has as many numbers as they have equations.
-    pub(super) fn is_lost(&mut self, alarms: &[Alarm], last: u64) -> bool {
+    /// True where alarms leave no more of the rows that raised them than chance, and have fewer numbers than these have
+    /// equations.
+    fn names_all(&mut self, alarms: &[Alarm], last: u64) -> bool {
         let numbers: usize = alarms.iter().map(|alarm| alarm.parameters.len()).sum();
-        if !alarms.iter().any(|alarm| self.is_far(alarm)) {
-            return false;
-        }
-        let Some(open) = self.open.take() else { return false };
+        let Some(open) = self.open.take() else { return true };
         let rest = self.refit(&open, open.named, last);
         self.open = Some(open);
-        numbers >= CONFIRMED * self.r.len()
-            || rest.is_none_or(|rest| self.leaves(rest.squares, rest.rows))
+        let left = rest.is_none_or(|rest| self.leaves(rest.squares, rest.rows));
+        numbers < CONFIRMED * self.r.len() && !left
+    }
+
+    /// Joints that each explain all of some rows by themselves, by another angle in each: what they leave, the root mean
+    /// square of the angles, and the candidate.
+    fn alone(&mut self, rows: &[Kept]) -> Vec<(f64, f64, usize)> {
+        let dof = (rows.len() * self.r.len().saturating_sub(1)) as f64;
+        let mut found = Vec::new();
+        for candidate in self.watched.turning() {
+            let each: Vec<Turned> =
+                rows.iter().map(|row| self.turn(candidate, std::slice::from_ref(row))).collect();
+            let squares = each.iter().map(|one| one.squares).sum::<f64>();
+            let size = each.iter().map(|one| one.shift.powi(2)).sum::<f64>() / rows.len() as f64;
+            if dof > 0.0 && !self.leaves_of(squares, dof) {
+                found.push((squares, size.sqrt(), candidate));
+            }
+        }
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found
     }
 
     /// True for a change of many times the typical size.
@@ -146,14 +168,6 @@ impl Monitor {
         })
     }
 
-    /// Candidates that are offsets of joints that turn.
-    fn turning(&self) -> Vec<usize> {
-        let mechanism = &self.watched.under.model.mechanism;
-        let places = self.watched.places.iter();
-        let channels = places.filter(|p| p.channel.is_some_and(|c| mechanism.turns(c)));
-        channels.map(|place| place.candidate).collect()
-    }
-
     /// The angle by which a joint explains rows best.
     fn turn(&mut self, candidate: usize, rows: &[Kept]) -> Turned {
         let position = self.watched.candidates[candidate].columns[0];
@@ -163,21 +177,8 @@ impl Monitor {
             self.watched.at[column] = was + shift;
             self.squares_of(rows)
         };
-        let step = std::f64::consts::TAU / ANGLES as f64;
-        let tried = (0..ANGLES).map(|k| {
-            let shift = (k as f64 - 0.5 * ANGLES as f64) * step;
-            (at(shift), shift)
-        });
-        // A linkage may be closed in several ways, or nearly.
-        let tried: Vec<(f64, f64)> = tried.collect();
-        let valleys = (0..ANGLES).filter(|&k| {
-            let beside = [ANGLES - 1, 1].map(|by| tried[(k + by) % ANGLES].0);
-            beside.iter().all(|own| tried[k].0 <= *own)
-        });
-        let lowest = valleys.map(|k| lowest(&mut at, tried[k].1, step));
-        let lowest = lowest.min_by(|a, b| a.0.total_cmp(&b.0));
+        let (squares, shift) = nearest_turn(&mut at);
         self.watched.at[column] = was;
-        let (squares, shift) = lowest.unwrap_or((f64::INFINITY, 0.0));
         Turned { candidate, shift, squares }
     }
 
@@ -257,9 +258,9 @@ impl Monitor {
             self.watched.at[column] = was + by;
             self.squares_of(rows)
         };
-        let curvature = (at(step) + at(-step) - 2.0 * at(0.0)) / (step * step);
+        let sd = sd_about(&mut at, step);
         self.watched.at[column] = was;
-        (2.0 / curvature.max(f64::MIN_POSITIVE)).sqrt().min(std::f64::consts::PI)
+        sd
     }
 
     /// An alarm of rows that are far outside from the row `first` on.
@@ -277,6 +278,26 @@ impl Monitor {
             ..Alarm::default()
         }
     }
+}
+
+/// The angle (rad) at which a sum of squares is least, and that sum.
+pub(super) fn nearest_turn(at: &mut impl FnMut(f64) -> f64) -> (f64, f64) {
+    let step = std::f64::consts::TAU / ANGLES as f64;
+    let shift = |k: usize| (k as f64 - 0.5 * ANGLES as f64) * step;
+    let tried: Vec<f64> = (0..ANGLES).map(|k| at(shift(k))).collect();
+    // A linkage may be closed in several ways, or nearly.
+    let valleys = (0..ANGLES).filter(|&k| {
+        let beside = [ANGLES - 1, 1].map(|by| tried[(k + by) % ANGLES]);
+        beside.iter().all(|own| tried[k] <= *own)
+    });
+    let lowest = valleys.map(|k| lowest(at, shift(k), step));
+    lowest.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 0.0))
+}
+
+/// Standard deviation of an angle, from the curvature of a sum of squares about it.
+pub(super) fn sd_about(at: &mut impl FnMut(f64) -> f64, step: f64) -> f64 {
+    let curvature = (at(step) + at(-step) - 2.0 * at(0.0)) / (step * step);
+    (2.0 / curvature.max(f64::MIN_POSITIVE)).sqrt().min(std::f64::consts::PI)
 }
 
 /// The least value of a function within a step of a place, and where, by the golden section.

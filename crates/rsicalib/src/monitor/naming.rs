@@ -38,11 +38,9 @@ impl Monitor {
         if corrected.is_empty() {
             let mut alarms = self.name(tested, broken);
             if let (Some(first), Some(before)) = (broken, before)
-                && self.is_lost(&alarms, tested.row)
+                && let Some(lost) = self.lost(&alarms, before, first, tested)
             {
-                // About the calibration these rows are linearised at the wrong place.
-                let _same = self.restore(before);
-                alarms = self.lost(first, tested).into_iter().collect();
+                alarms = vec![lost];
             }
             self.counts.alarms += u64::from(!alarms.is_empty());
             match self.too_many(tested, &alarms) {

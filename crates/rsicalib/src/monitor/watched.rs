@@ -13,7 +13,7 @@ use crate::monitor::score::MOST_COLUMNS;
 use crate::numerics::random::Random;
 use crate::readings::Table;
 use crate::terms::targets::typical;
-use crate::terms::term::{Info, Needs};
+use crate::terms::term::{Info, Needs, Role};
 use crate::{Error, terms};
 
 /// Rows of the table that the model is compiled for.
@@ -55,6 +55,8 @@ pub(crate) struct Candidate {
     pub(crate) typical: Vec<f64>,
     /// Its rate among [`Watched::drifts`], if it may drift.
     pub(crate) drift: Option<usize>,
+    /// True for the offset of a joint that turns.
+    pub(crate) turns: bool,
 }
 
 impl Watched {
@@ -120,8 +122,10 @@ impl Watched {
             let parameters = names(mechanism, term.info(), target);
             let units: Vec<f64> = columns.iter().map(|&z| scale[z]).collect();
             let typical = sizes.iter().zip(&units).map(|(size, unit)| size / unit).collect();
+            let turns = term.role() == Role::Offset
+                && matches!(target, Target::Channel(channel) if mechanism.turns(channel));
             let (scale, drift) = (units, None);
-            candidates.push(Candidate { spec, columns, parameters, scale, typical, drift });
+            candidates.push(Candidate { spec, columns, parameters, scale, typical, drift, turns });
         }
         if order.is_empty() {
             let (needs, why) = ("parameter that may change", "the watch tests what has changed");
@@ -144,6 +148,7 @@ impl Watched {
                 scale: vec![size],
                 typical: vec![1.0],
                 drift: None,
+                turns: false,
             });
             self.factors.push(Factor { own, parts });
             self.order.push(self.at.len());
@@ -196,6 +201,11 @@ impl Watched {
                 None => out[self.order[drift.base]] += moved,
             }
         }
+    }
+
+    /// Candidates that are offsets of joints that turn.
+    pub(crate) fn turning(&self) -> Vec<usize> {
+        (0..self.candidates.len()).filter(|&k| self.candidates[k].turns).collect()
     }
 
     /// Positions of the columns that candidates have, ascending.

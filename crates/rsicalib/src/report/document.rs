@@ -132,6 +132,9 @@ macro_rules! result {
             /// Digest of the numbers that poses come from, as they were written: others were edited.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub digest: Option<String>,
+            /// Digest of the drawing that it was found with; null in results of earlier versions.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub drawing: Option<String>,
             /// How the loops close under this result: what a watch compares with.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub misclosure: Option<MisclosureReport>,
