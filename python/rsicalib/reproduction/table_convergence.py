@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -67,10 +67,10 @@ def convergence(study: Study) -> Table:
     few = max(20, min(study.trials, 200))
     notes = list(islands)
     for anchored, words in ((False, "the paper's start"), (True, "anchored at rest")):
-        how: dict[str, Any] = {"anchored": anchored, "seed": study.seed, "workers": study.workers}
-        told = study.told(f"convergence, {words}")
-        far = convergence_independent(nominal, poses, trials=few, progress=told, **how)
-        rates = start_success(nominal, poses, (0.1, 0.2, 0.5), trials=few, **how)
+        draws = study.draws(f"convergence, {words}", few)
+        far = convergence_independent(nominal, poses, draws, anchored=anchored)
+        quiet = replace(draws, progress=None)
+        rates = start_success(nominal, poses, (0.1, 0.2, 0.5), quiet, anchored=anchored)
         shares = ", ".join(
             f"±{s.error:.0%} {s.rate.value:.0%} ± {s.rate.sd or 0:.0%}" for s in rates
         )

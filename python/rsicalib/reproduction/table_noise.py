@@ -18,9 +18,7 @@ def table_ix(study: Study) -> tuple[Table, dict[str, float]]:
     rows, cells = [], {}
 
     def cell(of: Callable[..., NoiseCell], poses: FloatArray, name: str, **how: Any) -> NoiseCell:
-        told = study.told(f"Table IX, {name}")
-        how |= {"trials": study.trials, "seed": study.seed, "workers": study.workers}
-        return of(study.printed.nominal, poses, progress=told, **how)
+        return of(study.printed.nominal, poses, study.draws(f"Table IX, {name}"), **how)
 
     def row(kind: str, label: str, average: int, noise: int, found: NoiseCell) -> Row:
         table = printed[f"{kind}_average_{average}"]
