@@ -38,20 +38,14 @@ def calibrate(args: Args) -> int:
     """Parameters from joint readings alone: estimates, uncertainty, adequacy."""
     from rsicalib import api
 
-    prepare(args)
-    _with_logs(args)
-    given = _given(args, api.calibrate)
-    return show(args, _heard(args, lambda line: api.calibrate(**given, **line)))
+    return _identified(args, api.calibrate)
 
 
 def trace(args: Args) -> int:
     """Close the loop: residual, missing term, error before and after."""
     from rsicalib import api
 
-    prepare(args)
-    _with_logs(args)
-    given = _given(args, api.trace)
-    return show(args, _heard(args, lambda line: api.trace(**given, **line)))
+    return _identified(args, api.trace)
 
 
 def import_(args: Args) -> int:
@@ -377,14 +371,16 @@ def _counted(args: Args, job: Callable[[Callable[[str, int, int], None] | None],
     return _heard(args, run, "begin")
 
 
-def _with_logs(args: Args) -> None:
-    """Read what is a log of another program, and take the mechanism that it brings along."""
+def _identified(args: Args, verb: Callable[..., Any]) -> int:
+    """Calibrate or trace; what is a log of another program is read, with the mechanism it has."""
     from rsicalib.work.arguments import with_logs
 
-    given = args.mechanism
-    read = lambda _: with_logs(args.readings, given, args.skip_bad_rows)  # noqa: E731
+    prepare(args)
+    own = args.mechanism
+    read = lambda _: with_logs(args.readings, own, args.skip_bad_rows)  # noqa: E731
     args.readings, args.mechanism = _heard(args, read, "read the log")
-    args.brought = None if args.mechanism is given else args.mechanism
+    args.brought = None if args.mechanism is own else args.mechanism
+    return show(args, _heard(args, lambda line: verb(**_given(args, verb), **line)))
 
 
 def _given(args: Args, function: Callable[..., object]) -> dict[str, Any]:
