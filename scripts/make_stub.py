@@ -92,8 +92,8 @@ PARAMETERS = _by_name(
 RETURNS = _by_name(
     {
         "Array": """
-            Fit.forward Fit.residuals angles_at distances forward jacobian means_of_samples
-            misclosure readings_at rsi_angles rsi_poses within_limits
+            Fit.forward Fit.residuals Placer.place angles_at distances forward jacobian
+            means_of_samples misclosure readings_at rsi_angles rsi_poses within_limits
         """,
         "Fit": "Session.fit",
         "Mechanism": """
@@ -115,7 +115,7 @@ RETURNS = _by_name(
         "dict[str, list[Any]]": "calibrate_devices",
         "dict[str, str]": "Session.lacking",
         "float": "Channel.gain Channel.offset",
-        "float | None": "Channel.noise rms_misclosure",
+        "float | None": "Channel.noise expects_more rms_misclosure",
         "int": "Mechanism.equations",
         "int | None": "needed_poses",
         "list[Array] | None": "plain_numbers",

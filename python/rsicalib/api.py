@@ -109,8 +109,7 @@ def terms(mechanism: MechanismArg = "rsi") -> list[dict[str, Any]]:
         `id`, `class`, `doc`, `needs`, `place`, `parameters` (name, unit, typical size) and
         `targets`.
     """
-    found: list[dict[str, Any]] = _core.terms(load_mechanism(mechanism))
-    return found
+    return _core.terms(load_mechanism(mechanism))
 
 
 def demo(*, progress: ProgressArg | None = None) -> Trace:

@@ -98,5 +98,4 @@ def convergence(study: Study) -> Table:
 
 
 def _poses_of(device: Device, exact: FloatArray) -> FloatArray:
-    found: FloatArray = _core.rsi_poses(np.ascontiguousarray(exact * device.gains + device.offsets))
-    return found
+    return _core.rsi_poses(np.ascontiguousarray(exact * device.gains + device.offsets))

@@ -207,8 +207,7 @@ class Work:
     def error(self, known: Known, result: Result | None, align: bool) -> dict[str, Any]:
         """Error of a result on check poses."""
         applied = as_applied(result, self.mechanism)
-        error: dict[str, Any] = _core.check(self.mechanism, applied, known, align=align)
-        return error
+        return _core.check(self.mechanism, applied, known, align=align)
 
     def nominal_error(self, known: Known, *, align: bool) -> dict[str, Any]:
         """Error of the mechanism as it is declared."""
