@@ -16,8 +16,11 @@ import importlib
 
 _HOMES = {
     "rsicalib._core": "Channel Mechanism Term __version__",
-    "rsicalib.api": """DEMO calibrate demo fixture forward forward_sd inverse load_mechanism
-        load_readings terms trace""",
+    "rsicalib.api": "DEMO demo load_mechanism load_readings terms",
+    "rsicalib.verbs.calibration": "calibrate",
+    "rsicalib.verbs.open_loop": "fixture",
+    "rsicalib.verbs.tracing": "trace",
+    "rsicalib.poses.kinematics": "forward forward_sd inverse",
     "rsicalib.results.certificate": "Certificate",
     "rsicalib.verbs.certifying": "certify",
     "rsicalib.poses.devices": "Device",

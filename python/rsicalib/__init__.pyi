@@ -1,18 +1,6 @@
 # Written by `python -m scripts.make_stub`; a test compares.
 from rsicalib._core import Channel, Mechanism, Term, __version__
-from rsicalib.api import (
-    DEMO,
-    calibrate,
-    demo,
-    fixture,
-    forward,
-    forward_sd,
-    inverse,
-    load_mechanism,
-    load_readings,
-    terms,
-    trace,
-)
+from rsicalib.api import DEMO, demo, load_mechanism, load_readings, terms
 from rsicalib.errors import InputError, OpenLoopsWarning, RsicalibError, UndeterminedError, Where
 from rsicalib.exports.opening import export_result
 from rsicalib.facts.shapes import Parameter, Skipped, Step
@@ -29,6 +17,7 @@ from rsicalib.planning.plans import Plan
 from rsicalib.planning.platform_sd import Workspace, workspace
 from rsicalib.planning.supposing import Supposition, suppose
 from rsicalib.poses.devices import Device
+from rsicalib.poses.kinematics import forward, forward_sd, inverse
 from rsicalib.poses.placing import Placer
 from rsicalib.poses.simulation import Simulated, simulate
 from rsicalib.report.figure import Figure
@@ -37,11 +26,14 @@ from rsicalib.reproduction.document import Paper
 from rsicalib.reproduction.paper import paper
 from rsicalib.results.certificate import Certificate
 from rsicalib.results.result import Calibration, Trace, load_calibration
+from rsicalib.verbs.calibration import calibrate
 from rsicalib.verbs.certifying import certify
 from rsicalib.verbs.devices import WatchingDevices, watch_devices
 from rsicalib.verbs.export import export_toml, export_urdf
 from rsicalib.verbs.lifetime import history
 from rsicalib.verbs.monitor import Alarm, Monitor, Watch, Watching, watch
+from rsicalib.verbs.open_loop import fixture
+from rsicalib.verbs.tracing import trace
 
 __all__ = [
     "DEMO",

@@ -36,16 +36,16 @@ ALARMED = 4
 
 def calibrate(args: Args) -> int:
     """Parameters from joint readings alone: estimates, uncertainty, adequacy."""
-    from rsicalib import api
+    from rsicalib.verbs import calibration
 
-    return _identified(args, api.calibrate)
+    return _identified(args, calibration.calibrate)
 
 
 def trace(args: Args) -> int:
     """Close the loop: residual, missing term, error before and after."""
-    from rsicalib import api
+    from rsicalib.verbs import tracing
 
-    return _identified(args, api.trace)
+    return _identified(args, tracing.trace)
 
 
 def import_(args: Args) -> int:
@@ -82,10 +82,10 @@ def export(args: Args) -> int:
 
 def fixture(args: Args) -> int:
     """Open loop, from known poses in the readings."""
-    from rsicalib import api
+    from rsicalib.verbs.open_loop import fixture as by_fixture
 
     prepare(args)
-    return show(args, _heard(args, lambda _: api.fixture(**_given(args, api.fixture))))
+    return show(args, _heard(args, lambda _: by_fixture(**_given(args, by_fixture))))
 
 
 def demo(args: Args) -> int:
