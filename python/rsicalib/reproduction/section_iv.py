@@ -122,14 +122,9 @@ def calibration_table(study: Study, calibrations: Mapping[str, Trials]) -> Table
     }
     rows = []
     for label, found in calibrations.items():
-        shown = printed.get(label, [None] * 5)
-        cells = found.cells()
-        rows.append(
-            Row(
-                label + (f" ({found.failed} failed)" if found.failed else ""),
-                tuple(Cell(e.value, p, e.sd) for e, p in zip(cells, shown, strict=False)),
-            )
-        )
+        shown = zip(found.cells(), printed.get(label, [None] * 5), strict=False)
+        failed = f" ({found.failed} failed)" if found.failed else ""
+        rows.append(Row(f"{label}{failed}", tuple(Cell(e.value, p, e.sd) for e, p in shown)))
     ratio = calibrations[JIG].cells()[0].value / calibrations[BOTH].cells()[0].value
     count = len(calibrations[OPEN].offsets)
     pairs = [t for label, t in calibrations.items() if label.startswith(PAIR)]

@@ -57,13 +57,9 @@ def _noise_row(label: str, found: NoiseCell, printed: Sequence[float]) -> Row:
     off, gain = found.offset, found.gain
     if found.failed:
         label += f" ({found.failed} failed)"
-    return Row(
-        label,
-        (
-            Cell(off.value, printed[0], off.sd),
-            Cell(gain.value * 1e3, printed[1], None if gain.sd is None else gain.sd * 1e3),
-        ),
-    )
+    sd = None if gain.sd is None else gain.sd * 1e3
+    cells = Cell(off.value, printed[0], off.sd), Cell(gain.value * 1e3, printed[1], sd)
+    return Row(label, cells)
 
 
 def _level(noise: int) -> str:
