@@ -198,10 +198,7 @@ def chunks(path: str | os.PathLike[str], size: int = CHUNK) -> Iterator[Table]:
         large = os.path.getsize(path) > size
     except (OSError, ValueError):
         large = False
-    if not large:
-        yield read_table(path)
-        return
-    if not _is_plain(source):
+    if not large or not _is_plain(source):
         yield read_table(path)
         return
     with open(source, "rb") as file:
