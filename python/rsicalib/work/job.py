@@ -28,6 +28,7 @@ from rsicalib.work.arguments import (
     noise_of_channels,
     open_mechanism,
 )
+from rsicalib.work.listening import ProgressArg, listener
 from rsicalib.work.outcome import (
     beside_earlier,
     described,
@@ -135,6 +136,20 @@ class Work:
     def noise(self, noise: float | Mapping[str, float] | None) -> list[float] | None:
         """Standard deviation of one sample of each channel."""
         return noise_of_channels(noise, self.mechanism)
+
+    def asked(
+        self,
+        rest: ReadingsArg | None,
+        terms: Sequence[str] | None,
+        closures: Sequence[str] | None,
+        noise: float | Mapping[str, float] | None,
+        progress: ProgressArg | None,
+        search: Mapping[str, Any],
+    ) -> _core.Session:
+        """The session as the options of a verb ask for it; `search` is handed on."""
+        chosen = {"closures": names_in("closures", closures, self.mechanism)}
+        options = {**chosen, "noise": self.noise(noise), "progress": listener(progress), **search}
+        return self.session(rest, self.terms(terms), options)
 
     def session(
         self,
