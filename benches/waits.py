@@ -31,6 +31,7 @@ from benches.peers import worker
 from benches.speed import session
 from rsicalib.reproduction.noise import closed_loop_noise
 from rsicalib.reproduction.paper import printed_numbers
+from rsicalib.reproduction.trials import Draws
 from tests.blind import effects, simulator, trials
 from tests.blind.simulator import Device
 
@@ -160,16 +161,9 @@ def table_nine() -> Iterator[Line]:
 
     def cells() -> None:
         for average, noise in product((2, 100), (0, 1, 2, 4)):
-            closed_loop_noise(
-                printed.nominal,
-                printed.closed_loop,
-                noise=noise,
-                average=average,
-                trials=1250,
-                seed=1995,
-                progress=lambda _done, _of: None,
-                workers=None,
-            )
+            draws = Draws(1250, 1995, lambda _done, _of: None)
+            poses = printed.closed_loop
+            closed_loop_noise(printed.nominal, poses, draws, noise=noise, average=average)
 
     yield "Table IX, 10,000 fits of the closed loop", shortest(cells, 3), "0.4 s"
 

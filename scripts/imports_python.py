@@ -8,6 +8,8 @@ from pathlib import Path
 
 from scripts.imports import Import
 
+INITS = ("__init__.py", "__init__.pyi")
+
 
 def read(folder: Path) -> tuple[tuple[str, ...], tuple[Import, ...]]:
     """Find the files of a package, and what they import from each other.
@@ -48,11 +50,11 @@ class _Package:
     def imports(self, file: str) -> Iterator[Import]:
         """What a file imports from the others, declarations of its own children left out."""
         module = self._module(file)
-        declares = file.endswith("__init__.py")
+        declares = file.endswith(INITS)
         for source, name in self._names(file):
             passed_on = name and f"{source}.{name}" not in self.files
             own_folder = bool(passed_on) and _within(module, source)
-            own_folder = own_folder and self.files.get(source, "").endswith("__init__.py")
+            own_folder = own_folder and self.files.get(source, "").endswith(INITS)
             target = self.files.get(source) if own_folder else self._defining(source, name)
             if target is None or target == file:
                 continue
@@ -63,7 +65,7 @@ class _Package:
     def _names(self, file: str) -> Iterator[tuple[str, str]]:
         """Modules of the package, and the names that a file imports from them."""
         here = self._module(file).split(".")
-        folder = here if file.endswith("__init__.py") else here[:-1]
+        folder = here if file.endswith(INITS) else here[:-1]
         for node in ast.walk(self.trees[file]):
             if isinstance(node, ast.Import):
                 for alias in node.names:
@@ -82,7 +84,7 @@ class _Package:
         if name and f"{source}.{name}" in self.files:
             return self.files[f"{source}.{name}"]
         file = self.files.get(source)
-        if file is None or not name or not file.endswith("__init__.py"):
+        if file is None or not name or not file.endswith(INITS):
             return file
         for node in self.trees[file].body:
             if isinstance(node, ast.ImportFrom) and node.module and not node.level:

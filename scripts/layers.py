@@ -95,7 +95,7 @@ BINDINGS = (
 )
 """Modules of `crates/rsicalib-py/src`, lowest first."""
 
-TOPS = ("__init__.py", "lib.rs")
+TOPS = ("__init__.py", "__init__.pyi", "lib.rs")
 """Files that stand above all layers: they list what is public."""
 
 

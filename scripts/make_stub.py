@@ -1,8 +1,8 @@
-"""Write `python/rsicalib/_core.pyi` from the compiled module: `python -m scripts.make_stub`.
+"""Write the stubs of the package, `_core.pyi` and `__init__.pyi`: `python -m scripts.make_stub`.
 
-Names, signatures, defaults and docstrings are those of the module; types, which
+Names, signatures, defaults and docstrings are those of the compiled module; types, which
 it does not know, are looked up here by the name of a parameter and of what
-returns. What is not found is Any.
+returns. What is not found is Any. Public names of the package are those of `rsicalib._HOMES`.
 """
 
 from __future__ import annotations
@@ -13,10 +13,13 @@ import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+import rsicalib
 import rsicalib._core as core
 from rsicalib.io.files import write_text
 
 STUB = Path(__file__).parents[1] / "python" / "rsicalib" / "_core.pyi"
+
+NAMES = STUB.with_name("__init__.pyi")
 
 
 def _by_name(kinds: Mapping[str, str]) -> dict[str, str]:
@@ -89,8 +92,8 @@ PARAMETERS = _by_name(
 RETURNS = _by_name(
     {
         "Array": """
-            Fit.forward Fit.residuals angles_at distances forward jacobian means_of_samples
-            misclosure readings_at rsi_angles rsi_poses within_limits
+            Fit.forward Fit.residuals Placer.place angles_at distances forward jacobian
+            means_of_samples misclosure readings_at rsi_angles rsi_poses within_limits
         """,
         "Fit": "Session.fit",
         "Mechanism": """
@@ -112,7 +115,7 @@ RETURNS = _by_name(
         "dict[str, list[Any]]": "calibrate_devices",
         "dict[str, str]": "Session.lacking",
         "float": "Channel.gain Channel.offset",
-        "float | None": "Channel.noise rms_misclosure",
+        "float | None": "Channel.noise expects_more rms_misclosure",
         "int": "Mechanism.equations",
         "int | None": "needed_poses",
         "list[Array] | None": "plain_numbers",
@@ -271,6 +274,17 @@ def stub() -> str:
     return "\n".join(lines) + "\n"
 
 
+def names() -> str:
+    """The public names of the package as type checkers read them, before formatting."""
+    homes: Mapping[str, str] = vars(rsicalib)["_HOMES"]
+    lines = ["# Written by `python -m scripts.make_stub`; a test compares."]
+    lines += [
+        f"from {home} import {', '.join(sorted(homes[home].split()))}" for home in sorted(homes)
+    ]
+    every = sorted(rsicalib.__all__, key=lambda name: (not name.isupper(), name))
+    return "\n".join([*lines, "", f"__all__ = {every!r}"]) + "\n"
+
+
 def formatted(text: str) -> str:
     """The text as `ruff format` leaves it."""
     ruff = [sys.executable, "-m", "ruff", "format", "--stdin-filename", str(STUB), "-"]
@@ -280,3 +294,4 @@ def formatted(text: str) -> str:
 
 if __name__ == "__main__":
     write_text(STUB, formatted(stub()))
+    write_text(NAMES, formatted(names()))

@@ -31,6 +31,8 @@ PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 def test_the_stub_is_what_the_compiled_module_says() -> None:
     found = make_stub.STUB.read_text(encoding="utf-8")
     assert found == make_stub.formatted(make_stub.stub()), "run python -m scripts.make_stub"
+    found = make_stub.NAMES.read_text(encoding="utf-8")
+    assert found == make_stub.formatted(make_stub.names()), "run python -m scripts.make_stub"
 
 
 def test_the_page_of_terms_is_what_the_registry_says() -> None:

@@ -118,7 +118,7 @@ def test_a_fleet_ends_at_once_wherever_it_is(
 
 VERBS = {
     "paper": ("concurrent.futures.thread:_WorkItem.run", ["--trials", "2"]),
-    "calibrate": ("rsicalib.api:calibrate", [str(DEMO / "readings.csv")]),
+    "calibrate": ("rsicalib.verbs.calibration:calibrate", [str(DEMO / "readings.csv")]),
     "import": ("rsicalib.imports.opening:import_log", ["x.csv", "--out", "out"]),
     "forward": ("rsicalib.poses.places:readings_for", [str(DEMO / "readings.csv")]),
     "plan": ("rsicalib.planning.plan:plan", []),

@@ -34,7 +34,7 @@ from rsicalib.reproduction.noise import (
 )
 from rsicalib.reproduction.placing import placed
 from rsicalib.reproduction.printed import printed_numbers
-from rsicalib.reproduction.trials import run
+from rsicalib.reproduction.trials import Draws
 from tests import oracle
 
 RSI = _core.Mechanism.rsi()
@@ -162,8 +162,8 @@ def test_results_depend_on_neither_threads_nor_order() -> None:
         return float(rng.standard_normal(size).sum())
 
     told: list[tuple[int, int]] = []
-    one = run(job, 95, 3, workers=1, chunk=10)
-    two = run(job, 95, 3, workers=4, chunk=10, progress=lambda done, of: told.append((done, of)))
+    one = Draws(95, 3, workers=1).run(job, chunk=10)
+    two = Draws(95, 3, lambda done, of: told.append((done, of)), 4).run(job, chunk=10)
     assert one == two
     assert len(one) == 10
     assert told[-1] == (95, 95)
@@ -182,13 +182,13 @@ def test_an_interrupt_ends_the_run_at_once() -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(job, 1000, 0, chunk=1, workers=2, progress=stop)
+        Draws(1000, 0, stop, 2).run(job, chunk=1)
     assert len(begun) < 500
 
 
 def test_no_trials_are_refused() -> None:
     with pytest.raises(InputError, match="trials: found 0"):
-        run(lambda rng, size: size, 0, 0)
+        Draws(0).run(lambda rng, size: size)
 
 
 # ------------------------------------------------------------------ convergence
@@ -226,7 +226,7 @@ def test_an_anchored_start_converges_from_much_farther() -> None:
     assert rest.low < 0.75 < paper.low
     assert rest.high > 1.3 > paper.high
     rates = [
-        start_success(device, PRINTED.closed_loop, [0.5], anchored=a, trials=40, seed=1)[0].rate
+        start_success(device, PRINTED.closed_loop, [0.5], Draws(40, seed=1), anchored=a)[0].rate
         for a in (False, True)
     ]
     # 0-7 % and 90-98 % of trials, by an independent prototype; 40 trials tell these apart.
@@ -236,8 +236,8 @@ def test_an_anchored_start_converges_from_much_farther() -> None:
 
 def test_edges_along_random_directions_are_sorted_and_seeded() -> None:
     device = nominal_device(RSI)
-    found = convergence_independent(device, PRINTED.closed_loop, trials=12, seed=4, workers=2)
-    again = convergence_independent(device, PRINTED.closed_loop, trials=12, seed=4, workers=1)
+    found = convergence_independent(device, PRINTED.closed_loop, Draws(12, seed=4, workers=2))
+    again = convergence_independent(device, PRINTED.closed_loop, Draws(12, seed=4, workers=1))
     np.testing.assert_array_equal(found, again)
     assert np.all(np.diff(found) >= 0)
     assert found[0] > 0.02
@@ -248,9 +248,8 @@ def test_edges_along_random_directions_are_sorted_and_seeded() -> None:
 
 def test_a_cell_of_table_ix_is_what_scipy_finds_on_the_same_readings() -> None:
     device = nominal_device(RSI)
-    cell = closed_loop_noise(
-        device, PRINTED.closed_loop, noise=1.0, average=2, trials=12, seed=7, workers=1
-    )
+    draws = Draws(12, seed=7, workers=1)
+    cell = closed_loop_noise(device, PRINTED.closed_loop, draws, noise=1.0, average=2)
     rng = np.random.default_rng(np.random.SeedSequence(7).spawn(1)[0])
     exact = placed(device, PRINTED.closed_loop, (0.25, 0.25), rng, 12)
     errors = []
@@ -285,7 +284,7 @@ def test_averages_are_distributed_as_means_of_samples(noise: float, average: int
 
 def test_open_loop_errors_are_those_of_ordinary_least_squares() -> None:
     device = nominal_device(RSI)
-    cell = open_loop_noise(device, PRINTED.fixture, noise=0.0, average=2, trials=400, seed=1)
+    cell = open_loop_noise(device, PRINTED.fixture, Draws(400, seed=1), noise=0.0, average=2)
     exact = device.readings(PRINTED.fixture)
     # Variance of an intercept, eq. (13): σ² (1/n + mean² / Σ(a - mean)²), σ² from the angles and
     # from rounding (k²/12).

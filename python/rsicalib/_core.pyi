@@ -246,7 +246,7 @@ class Placer:
     def names(self) -> Any:
         """Names of the values."""
 
-    def place(self, reading: Any) -> Any:
+    def place(self, reading: Any) -> Array:
         """The place of one reading, one number for each channel: shape (k,)."""
 
 @final
@@ -421,7 +421,7 @@ def expects_more(
     covariance: Array | None = None,
     *,
     own: Any,
-) -> Any:
+) -> float | None:
     """What a result expects of the misclosure of a table of readings, where that is more than `own`, that of
     its own session, explains; none where it is not.
     """

@@ -1,6 +1,6 @@
-"""The verbs as functions with the names of the commands, and what loads their input.
+"""What loads the input of the verbs, and the session that comes with the package.
 
-Options that default to None mean "as in Rust": a default is written once, there.
+Options of verbs that default to None mean "as in Rust": a default is written once, there.
 """
 
 from __future__ import annotations
@@ -13,27 +13,10 @@ from rsicalib._core import Mechanism
 from rsicalib.io.frames import TableArg
 from rsicalib.io.readings import Readings
 from rsicalib.io.readings import load_readings as read_readings
-from rsicalib.poses.kinematics import forward, forward_sd, inverse
 from rsicalib.results.result import Trace
-from rsicalib.verbs.calibration import calibrate
-from rsicalib.verbs.open_loop import fixture
 from rsicalib.verbs.tracing import trace
 from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
 from rsicalib.work.listening import ProgressArg
-
-__all__ = [
-    "DEMO",
-    "calibrate",
-    "demo",
-    "fixture",
-    "forward",
-    "forward_sd",
-    "inverse",
-    "load_mechanism",
-    "load_readings",
-    "terms",
-    "trace",
-]
 
 DEMO = Path(__file__).with_name("demo")
 """Folder of the session that comes with the package: readings.csv, rest.csv, check.csv."""
@@ -109,8 +92,7 @@ def terms(mechanism: MechanismArg = "rsi") -> list[dict[str, Any]]:
         `id`, `class`, `doc`, `needs`, `place`, `parameters` (name, unit, typical size) and
         `targets`.
     """
-    found: list[dict[str, Any]] = _core.terms(load_mechanism(mechanism))
-    return found
+    return _core.terms(load_mechanism(mechanism))
 
 
 def demo(*, progress: ProgressArg | None = None) -> Trace:

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from rsicalib.plain_text import meant
-from rsicalib.tabular import data_frame, html_table, polars_frame
+from rsicalib.tabular import Tabular, html_table
 
 if TYPE_CHECKING:
-    import pandas
-    import polars
-
     _Base = npt.NDArray[np.float64]
 else:
     _Base = np.ndarray
 
 
-class Labelled(_Base):
+class Labelled(_Base, Tabular):
     """A square matrix with a name for each row, and the same name for its column.
 
-    An array in all else: slices and results of arithmetic are plain arrays.
+    An array in all else: slices and results of arithmetic are plain arrays. In a data frame the
+    names are the index and the columns.
 
     Attributes
     ----------
@@ -40,6 +38,8 @@ class Labelled(_Base):
     >>> m[["offset@a11"]]
     array([[9.]])
     """
+
+    ROWS: ClassVar[str | None] = "name"
 
     names: tuple[str, ...]
 
@@ -110,26 +110,6 @@ class Labelled(_Base):
 
     def __deepcopy__(self, memo: Any) -> Labelled:
         return Labelled.of(np.array(self), self.names)
-
-    def to_dataframe(self) -> pandas.DataFrame:
-        """Make a data frame with the names as index and as columns; needs pandas.
-
-        Returns
-        -------
-        pandas.DataFrame
-            With a copy of the matrix.
-        """
-        return data_frame(self._table(), "name")
-
-    def to_polars(self) -> polars.DataFrame:
-        """Make a data frame of Polars with the names as first column (`pip install polars`).
-
-        Returns
-        -------
-        polars.DataFrame
-            With a copy of the matrix.
-        """
-        return polars_frame(self._table())
 
     def _table(self) -> dict[str, Any]:
         columns = {name: np.asarray(self)[:, k] for k, name in enumerate(self.names)}

@@ -130,7 +130,7 @@ class Tabular:
         """
         return polars_frame(self._table())
 
-    def _repr_html_(self) -> str:
+    def _repr_html_(self) -> str | None:
         return html_table(self._table(), repr(self))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -111,13 +112,68 @@ def _noise(text: str) -> float | dict[str, float]:
         raise argparse.ArgumentTypeError(f"found {quoted(text)}, expected {expected}") from None
 
 
-_seed = parsed("seed")
-
-
 def _folder(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("found no name, expected a path")
     return Path(text)
+
+
+READ: dict[str, Callable[[str], Any]] = {
+    **dict.fromkeys(("COLUMN,…", "FILE,…", "NAME,…", "TERM,…"), _names),
+    "CHANNEL=NAME,…": _channels,
+    "COLUMN=TEXT,…": _pairs,
+    "COUNTS|a11=1.2,…": _noise,
+    "N,…": _numbers,
+}
+"""How values are read, by what they are called; others are text, or numbers of `options`."""
+
+SHARED = {
+    "--mechanism NAME|FILE": "default: rsi",
+    "--rest READINGS": "a reading of the rest pose",
+    "--check READINGS": "known poses, never used in a fit",
+    "--check-point NAME": "the point whose places they are, where chains carry several",
+    "--align": "error on the check poses also after a rigid motion of the instrument",
+    "--noise COUNTS|a11=1.2,…": "standard deviation of one sample, quantisation included",
+    "--closures NAME,…": "only these closures",
+    "--skip-bad-rows": "drop rows that cannot be used or are at an end of a range, and list them "
+    "in the result",
+    "--device NAME": "the device, for the result and the report",
+    "--note TEXT": "what is to be remembered of the session",
+    "--date DATE": "from when the parameters hold: 2025-03-01, or with a time",
+    "--out DIR": "write result.json, the calibrated mechanism and the reports there",
+    "--force": "replace files that rsicalib did not write",
+}
+"""Options that several verbs have, as the usage tells them, and their help."""
+
+BY_NAME = {told.split()[0].removeprefix("--"): told for told in SHARED}
+
+
+@dataclass(frozen=True)
+class _Verb:
+    """A verb, to which arguments are added in the order of its help."""
+
+    parser: argparse.ArgumentParser
+
+    def takes(
+        self, told: str, words: str, read: Callable[[str], Any] | None = None, **more: Any
+    ) -> None:
+        """Add an argument as the usage tells it: `--rest READINGS`, `--force`, `out OUT`.
+
+        Defaults are those of the verb in Python: what is not given is not handed on.
+        """
+        name, _, value = told.partition(" ")
+        if value:
+            read = read or (_folder if name in ("out", "--out") else READ.get(value))
+            more |= {"metavar": value, "type": read}
+        elif name.startswith("--") and "choices" not in more:
+            more.setdefault("action", "store_true")
+        self.parser.add_argument(name, help=words, **more)
+
+    def shares(self, names: str) -> None:
+        """Add options that several verbs have, by their names."""
+        for name in names.split():
+            more: dict[str, Any] = {"default": "rsi"} if name == "mechanism" else {}
+            self.takes(BY_NAME[name], SHARED[BY_NAME[name]], **more)
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -131,339 +187,223 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"rsicalib {_core.__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    seed = parsed("seed")
 
-    def verb(run: Callable[[of.Args], int], **more: Any) -> argparse.ArgumentParser:
+    def verb(run: Callable[[of.Args], int]) -> _Verb:
         words = (run.__doc__ or "").strip().splitlines()[0]
         name = run.__name__.rstrip("_")  # `import` is a word of Python
-        sub = verbs.add_parser(name, help=words, description=words, **more)
+        sub = verbs.add_parser(name, help=words, description=words)
         sub.set_defaults(run=run)
-        sub.add_argument(
-            "--json",
-            action="store_true",
-            help="the result on standard output, and nothing else there",
-        )
-        sub.add_argument("--quiet", action="store_true", help="no summary, progress or warnings")
-        return sub
+        made = _Verb(sub)
+        made.takes("--json", "the result on standard output, and nothing else there")
+        made.takes("--quiet", "no summary, progress or warnings")
+        return made
 
-    sub = verb(of.demo)
-    _add_out(sub)
+    verb(of.demo).shares("out force")
 
     for run in (of.calibrate, of.trace):
         sub = verb(run)
-        sub.add_argument(
-            "readings",
-            metavar="READINGS",
-            nargs="+",
-            help="CSV, Parquet, or a log that `import` knows; several are sessions",
-        )
-        _add_mechanism(sub)
-        sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
-        _add_check(sub)
+        words = "CSV, Parquet, or a log that `import` knows; several are sessions"
+        sub.takes("readings READINGS", words, nargs="+")
+        sub.shares("mechanism rest check check-point align")
         words = "standard deviation of a coordinate of known places; exact where not given"
-        sub.add_argument("--check-noise", metavar="LENGTH", type=parsed("check_noise"), help=words)
+        sub.takes("--check-noise LENGTH", words, parsed("check_noise"))
         words = "standard deviation of known angles; exact where not given"
-        sub.add_argument(
-            "--check-noise-angle", metavar="RAD", type=parsed("check_noise_angle"), help=words
-        )
-        sub.add_argument("--calibration", metavar="FILE", help="start from an earlier result")
+        sub.takes("--check-noise-angle RAD", words, parsed("check_noise_angle"))
+        sub.takes("--calibration FILE", "start from an earlier result")
         words = "population.json of `fleet --population`: a prior of the parameters"
-        sub.add_argument("--population", metavar="FILE", help=words)
-        sub.add_argument(
-            "--terms",
-            metavar="TERM,…",
-            type=_names,
-            help="terms to identify: offset, curvature@a22",
-        )
+        sub.takes("--population FILE", words)
+        sub.takes("--terms TERM,…", "terms to identify: offset, curvature@a22")
         if run is of.trace:
-            sub.add_argument(
-                "--without", metavar="TERM,…", type=_names, help="terms that are no candidates"
-            )
+            sub.takes("--without TERM,…", "terms that are no candidates")
             words = "apply effects, too, that do not help where nothing was recorded"
-            sub.add_argument("--apply-all", action="store_true", help=words)
-        sub.add_argument(
-            "--noise",
-            metavar="COUNTS|a11=1.2,…",
-            type=_noise,
-            help="standard deviation of one sample, quantisation included",
-        )
+            sub.takes("--apply-all", words)
+        sub.shares("noise")
         if run is of.calibrate:
-            sub.add_argument(
-                "--method",
-                choices=("implicit_loop", "algebraic"),
-                help="noise in the readings, or the paper's least squares",
-            )
-        sub.add_argument("--closures", metavar="NAME,…", type=_names, help="only these closures")
-        sub.add_argument("--fit-groups", metavar="NAME,…", type=_names, help="only these groups")
-        sub.add_argument(
-            "--hold-out-groups", metavar="NAME,…", type=_names, help="not these groups"
-        )
-        sub.add_argument("--seed", type=_seed, help="of every random draw")
+            words = "noise in the readings, or the paper's least squares"
+            sub.takes("--method", words, choices=("implicit_loop", "algebraic"))
+        sub.shares("closures")
+        sub.takes("--fit-groups NAME,…", "only these groups")
+        sub.takes("--hold-out-groups NAME,…", "not these groups")
+        sub.takes("--seed SEED", "of every random draw", seed)
         words = "standard deviation that is aimed at: the report shows where it is reached"
-        sub.add_argument("--target", metavar="LENGTH", type=parsed("target"), help=words)
-        _add_skip(sub)
-        _add_about(sub)
-        _add_out(sub)
+        sub.takes("--target LENGTH", words, parsed("target"))
+        sub.shares("skip-bad-rows device note date out force")
 
     sub = verb(of.fixture)
-    sub.add_argument("readings", metavar="READINGS", help="with the columns x y z rx ry rz")
-    _add_mechanism(sub)
-    _add_check(sub)
-    _add_skip(sub)
-    _add_about(sub)
-    _add_out(sub)
+    sub.takes("readings READINGS", "with the columns x y z rx ry rz")
+    sub.shares("mechanism check check-point align skip-bad-rows device note date out force")
 
     sub = verb(of.forward)
-    sub.add_argument("readings", metavar="READINGS", help="CSV or Parquet")
-    _add_mechanism(sub)
-    sub.add_argument("--calibration", metavar="FILE", help="an earlier result; else as declared")
-    _add_skip(sub)
+    sub.takes("readings READINGS", "CSV or Parquet")
+    sub.shares("mechanism")
+    sub.takes("--calibration FILE", "an earlier result; else as declared")
+    sub.shares("skip-bad-rows")
 
     sub = verb(of.simulate)
-    sub.add_argument("out", metavar="OUT", type=_folder, help="folder for the files")
-    _add_mechanism(sub)
-    sub.add_argument("--poses", type=parsed("poses"), default=48, help="held poses (48)")
-    sub.add_argument("--samples", type=parsed("samples"), default=8, help="of each pose (8)")
-    sub.add_argument(
-        "--noise",
-        type=parsed("simulate.noise"),
-        default=1.0,
-        help="of one sample, in readings (1)",
-    )
-    sub.add_argument(
-        "--check-poses", type=parsed("check"), default=20, help="other poses, known (20)"
-    )
-    sub.add_argument("--seed", type=_seed, default=0, help="same seed, same files (0)")
-    _add_force(sub)
+    sub.takes("out OUT", "folder for the files")
+    sub.shares("mechanism")
+    sub.takes("--poses POSES", "held poses (48)", parsed("poses"))
+    sub.takes("--samples SAMPLES", "of each pose (8)", parsed("samples"))
+    sub.takes("--noise NOISE", "of one sample, in readings (1)", parsed("simulate.noise"))
+    sub.takes("--check-poses CHECK_POSES", "other poses, known (20)", parsed("check"), dest="check")
+    sub.takes("--seed SEED", "same seed, same files (0)", seed)
+    sub.shares("force")
 
     sub = verb(of.plan)
-    _add_mechanism(sub)
+    sub.shares("mechanism")
     words = "how many to visit (12; with --target at most 64)"
-    sub.add_argument("--poses", type=parsed("plan.poses"), default=None, help=words)
+    sub.takes("--poses POSES", words, parsed("plan.poses"))
     words = "as few poses as bring the platform to this standard deviation, beside a result"
-    sub.add_argument("--target", metavar="LENGTH", type=parsed("target"), help=words)
-    sub.add_argument(
-        "--result", metavar="FILE", help="what the poses complement: result.json of a trace"
-    )
+    sub.takes("--target LENGTH", words, parsed("target"))
+    sub.takes("--result FILE", "what the poses complement: result.json of a trace")
     words = "poses that are visited already; with --result its readings"
-    sub.add_argument("--beside", metavar="READINGS", nargs="+", help=words)
-    sub.add_argument(
-        "--noise",
-        type=parsed("noise"),
-        default=1.0,
-        help="of one reading, for the bound (1)",
-    )
+    sub.takes("--beside READINGS", words, nargs="+")
+    sub.takes("--noise NOISE", "of one reading, for the bound (1)", parsed("noise"))
     words = "what is made small; decide where the result leaves something open, else platform"
-    sub.add_argument("--criterion", choices=_core.CRITERIA, help=words)
-    words = "readings of poses that are struck off: rows of a plan will do"
-    sub.add_argument("--off", metavar="READINGS", help=words)
-    sub.add_argument("--calibration", metavar="FILE", help="whose offsets and gains hold")
-    sub.add_argument("--seed", type=_seed, default=0, help="same seed, same plan (0)")
-    sub.add_argument(
-        "--out", metavar="FILE", type=_folder, help="write the poses as CSV, and a page beside it"
-    )
-    _add_force(sub)
+    sub.takes("--criterion", words, choices=_core.CRITERIA)
+    sub.takes("--off READINGS", "readings of poses that are struck off: rows of a plan will do")
+    sub.takes("--calibration FILE", "whose offsets and gains hold")
+    sub.takes("--seed SEED", "same seed, same plan (0)", seed)
+    sub.takes("--out FILE", "write the poses as CSV, and a page beside it")
+    sub.shares("force")
 
     sub = verb(of.fleet)
-    sub.add_argument("dataset", metavar="DATASET", help="Parquet or CSV, a file or a folder")
-    sub.add_argument("--by", metavar="COLUMN", default="device", help="names the device (device)")
+    sub.takes("dataset DATASET", "Parquet or CSV, a file or a folder")
+    sub.takes("--by COLUMN", "names the device (device)")
     words = "groups that each of these is in, such as batch,tool: columns, or those of levels.csv"
-    sub.add_argument("--levels", metavar="COLUMN,…", type=_names, help=words)
-    _add_mechanism(sub)
-    sub.add_argument("--terms", metavar="TERM,…", type=_names, help="terms to identify")
-    sub.add_argument("--noise", metavar="COUNTS|a11=1.2,…", type=_noise, help="of one sample")
-    sub.add_argument("--closures", metavar="NAME,…", type=_names, help="only these closures")
+    sub.takes("--levels COLUMN,…", words)
+    sub.shares("mechanism")
+    sub.takes("--terms TERM,…", "terms to identify")
+    sub.takes("--noise COUNTS|a11=1.2,…", "of one sample")
+    sub.shares("closures")
     words = "do not trace the residual where it is significant"
-    sub.add_argument("--no-trace", dest="trace", action="store_false", help=words)
-    words = "add the error on poses that are left out in turn"
-    sub.add_argument("--held-out", action="store_true", help=words)
-    sub.add_argument("--workers", type=parsed("workers"), help="threads; all cores where not given")
-    sub.add_argument("--dask", metavar="ADDRESS", help="the workers of this scheduler compute")
-    words = "keep the rows of devices whose readings are the same"
-    sub.add_argument("--resume", action="store_true", help=words)
+    sub.takes("--no-trace", words, dest="trace", action="store_false")
+    sub.takes("--held-out", "add the error on poses that are left out in turn")
+    sub.takes("--workers WORKERS", "threads; all cores where not given", parsed("workers"))
+    sub.takes("--dask ADDRESS", "the workers of this scheduler compute")
+    sub.takes("--resume", "keep the rows of devices whose readings are the same")
     words = "for one device, whose row says so where that was too short; no limit where not given"
-    sub.add_argument("--time-limit", metavar="SECONDS", type=parsed("time_limit"), help=words)
+    sub.takes("--time-limit SECONDS", words, parsed("time_limit"))
     words = "what the devices share: errors of the drawing, a prior for the next device"
-    sub.add_argument("--population", action="store_true", help=words)
+    sub.takes("--population", words)
     words = "devices with a report of their own: those that stand out most (10)"
-    sub.add_argument("--reports", metavar="N", type=parsed("reports"), help=words)
-    words = "folder for fleet.parquet and fleet.html"
-    sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
+    sub.takes("--reports N", words, parsed("reports"))
+    sub.takes("--out FOLDER", "folder for fleet.parquet and fleet.html", required=True)
 
     sub = verb(of.guide)
-    _add_mechanism(sub)
-    sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
+    sub.shares("mechanism rest")
     words = "readings, held-out poses, places passed and result.json grow there"
-    sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
+    sub.takes("--out FOLDER", words, required=True)
     words = "standard deviation of the platform to reach; a hundredth of the travel where not given"
-    sub.add_argument("--target", metavar="LENGTH", type=parsed("target"), help=words)
+    sub.takes("--target LENGTH", words, parsed("target"))
     words = "where samples come from, as CSV: standard input (-), a file that grows, a command"
-    sub.add_argument("--source", metavar="-|FILE|COMMAND", default="-", help=words)
+    sub.takes("--source -|FILE|COMMAND", words)
     words = "moves a robot: is told each pose as a line of JSON, answers with its readings"
-    sub.add_argument("--drive", metavar="COMMAND", help=words)
+    sub.takes("--drive COMMAND", words)
     words = "columns with one text in every sample, where the source has none: at=cone"
-    sub.add_argument("--labels", metavar="COLUMN=TEXT,…", type=_pairs, help=words)
-    sub.add_argument("--resume", action="store_true", help="go on with the session in --out")
-    words = "of the page; a free one where not given"
-    sub.add_argument("--port", type=parsed("port"), default=0, help=words)
+    sub.takes("--labels COLUMN=TEXT,…", words)
+    sub.takes("--resume", "go on with the session in --out")
+    sub.takes("--port PORT", "of the page; a free one where not given", parsed("port"))
     words = "address of the page; others than this machine need the token in it (127.0.0.1)"
-    sub.add_argument("--host", default="127.0.0.1", help=words)
-    sub.add_argument("--no-browser", action="store_true", help="do not open the page")
-    sub.add_argument("--samples", type=parsed("guide.samples"), default=8, help="of each pose (8)")
-    words = "for which a pose is held (0.6)"
-    sub.add_argument("--seconds", type=parsed("seconds"), default=0.6, help=words)
-    sub.add_argument("--seed", type=_seed, default=0, help="of the candidates (0)")
+    sub.takes("--host HOST", words)
+    sub.takes("--no-browser", "do not open the page", dest="browser", action="store_false")
+    sub.takes("--samples SAMPLES", "of each pose (8)", parsed("guide.samples"))
+    sub.takes("--seconds SECONDS", "for which a pose is held (0.6)", parsed("seconds"))
+    sub.takes("--seed SEED", "of the candidates (0)", seed)
 
     sub = verb(of.watch)
-    sub.add_argument("readings", metavar="READINGS|-", help="CSV or Parquet; -: standard input")
-    _add_mechanism(sub)
+    sub.takes("readings READINGS|-", "CSV or Parquet; -: standard input")
+    sub.shares("mechanism")
     words = "the result under which the device works; a folder of them for a column `device`"
-    sub.add_argument("--calibration", metavar="FILE|DIR", required=True, help=words)
+    sub.takes("--calibration FILE|DIR", words, required=True)
     words = f"false alarms to expect: per sample ({_core.FALSE_ALARMS:g}), or per hour as 0.1/h"
-    sub.add_argument("--false-alarms", metavar="RATE", help=words)
+    sub.takes("--false-alarms RATE", words)
     words = "keeps what the watch knows: where it is there, the watch goes on from it"
-    sub.add_argument("--state", metavar="FILE|DIR", help=words)
-    words = "wait for more at the end of the file, until Ctrl-C"
-    sub.add_argument("--follow", action="store_true", help=words)
+    sub.takes("--state FILE|DIR", words)
+    sub.takes("--follow", "wait for more at the end of the file, until Ctrl-C")
 
     sub = verb(of.history)
-    sub.add_argument("folder", metavar="DIR", help="folder of results, with their dates")
-    _add_mechanism(sub)
-    sub.add_argument("--device", metavar="NAME", help="whose results; else of the most frequent")
+    sub.takes("folder DIR", "folder of results, with their dates")
+    sub.shares("mechanism")
+    sub.takes("--device NAME", "whose results; else of the most frequent")
     words = "error of the platform's position that is too much, in units of length"
-    sub.add_argument("--target", metavar="LENGTH", type=parsed("target"), help=words)
-    words = "write history.json, history.txt and history.html there"
-    sub.add_argument("--out", metavar="DIR", type=_folder, help=words)
-    _add_force(sub)
+    sub.takes("--target LENGTH", words, parsed("target"))
+    sub.takes("--out DIR", "write history.json, history.txt and history.html there")
+    sub.shares("force")
 
     sub = verb(of.certify)
-    words = "a trace: result.json, or what `trace --json` wrote"
-    sub.add_argument("result", metavar="RESULT", help=words)
-    _add_mechanism(sub)
+    sub.takes("result RESULT", "a trace: result.json, or what `trace --json` wrote")
+    sub.shares("mechanism")
     words = "of the largest error: a length in the mechanism's unit, '0.5 mm', '2 mrad'"
-    sub.add_argument("--limit", metavar="LENGTH|ANGLE", required=True, help=words)
+    sub.takes("--limit LENGTH|ANGLE", words, required=True)
     words = "probability that the error is not beyond U (0.95)"
-    sub.add_argument("--confidence", type=parsed("confidence"), default=0.95, help=words)
+    sub.takes("--confidence CONFIDENCE", words, parsed("confidence"))
     words = "places that count: readings, or x y z rx ry rz; of the workspace where not given"
-    sub.add_argument("--at", metavar="POSES", help=words)
-    words = "write certificate.json, certificate.txt and certificate.html there"
-    sub.add_argument("--out", metavar="DIR", type=_folder, help=words)
-    _add_force(sub)
+    sub.takes("--at POSES", words)
+    sub.takes("--out DIR", "write certificate.json, certificate.txt and certificate.html there")
+    sub.shares("force")
 
     sub = verb(of.suppose)
     words = "a session, or a plan with a column for each channel"
-    sub.add_argument("readings", metavar="READINGS", nargs="+", help=words)
+    sub.takes("readings READINGS", words, nargs="+")
     words = "what is supposed: curvature@a22.c2=0.02; again for more of them at once"
-    sub.add_argument("--term", metavar="SPEC=VALUE", action="append", required=True, help=words)
-    _add_mechanism(sub)
-    sub.add_argument("--rest", metavar="READINGS", help="a reading of the rest pose")
-    sub.add_argument("--calibration", metavar="FILE", help="whose offsets and gains hold")
-    sub.add_argument("--terms", metavar="TERM,…", type=_names, help="terms that are fitted beside")
-    words = "standard deviation of one sample, quantisation included"
-    sub.add_argument("--noise", metavar="COUNTS|a11=1.2,…", type=_noise, help=words)
-    sub.add_argument("--closures", metavar="NAME,…", type=_names, help="only these closures")
-    _add_skip(sub)
-    sub.add_argument(
-        "--out", metavar="FILE", type=_folder, help="write the residual picture as HTML"
-    )
-    _add_force(sub)
+    sub.takes("--term SPEC=VALUE", words, action="append", required=True)
+    sub.shares("mechanism rest")
+    sub.takes("--calibration FILE", "whose offsets and gains hold")
+    sub.takes("--terms TERM,…", "terms that are fitted beside")
+    sub.shares("noise closures skip-bad-rows")
+    sub.takes("--out FILE", "write the residual picture as HTML")
+    sub.shares("force")
 
     sub = verb(of.paper)
-    words = "of every simulated cell (1000)"
-    sub.add_argument("--trials", type=parsed("trials"), default=1000, help=words)
-    sub.add_argument("--seed", type=_seed, default=1995, help="same seed, same figures (1995)")
-    sub.add_argument("--workers", type=parsed("workers"), help="threads; all cores where not given")
-    sub.add_argument(
-        "--out", metavar="DIR", type=_folder, help="write paper.json, paper.txt and paper.html"
-    )
-    _add_force(sub)
+    sub.takes("--trials TRIALS", "of every simulated cell (1000)", parsed("trials"))
+    sub.takes("--seed SEED", "same seed, same figures (1995)", seed)
+    sub.takes("--workers WORKERS", "threads; all cores where not given", parsed("workers"))
+    sub.takes("--out DIR", "write paper.json, paper.txt and paper.html")
+    sub.shares("force")
 
     sub = verb(of.terms)
-    sub.add_argument("id", metavar="ID", nargs="?", help="one term in full")
-    _add_mechanism(sub)
+    sub.takes("id ID", "one term in full", nargs="?")
+    sub.shares("mechanism")
 
     sub = verb(of.mechanism)
-    sub.add_argument(
-        "name", metavar="NAME|FILE", nargs="?", default="rsi", help="rsi where not given"
-    )
+    sub.takes("name NAME|FILE", "rsi where not given", nargs="?", default="rsi")
 
     sub = verb(of.export)
-    sub.add_argument("result", metavar="RESULT", help="result.json of calibrate or trace")
+    sub.takes("result RESULT", "result.json of calibrate or trace")
     words = "; ".join(f"{kind}: {what}" for kind, (what, _) in EXPORTS.items())
-    sub.add_argument("--to", choices=list(EXPORTS), required=True, help=words)
-    _add_mechanism(sub)
-    sub.add_argument("--readings", metavar="READINGS", help="to be corrected (csv, mcap)")
-    sub.add_argument("--base", metavar="FILE", help="the receiver's file (lerobot)")
-    words = "write the files there; on standard output where not given"
-    sub.add_argument("--out", metavar="FOLDER", type=_folder, help=words)
-    _add_force(sub)
+    sub.takes("--to", words, choices=list(EXPORTS), required=True)
+    sub.shares("mechanism")
+    sub.takes("--readings READINGS", "to be corrected (csv, mcap)")
+    sub.takes("--base FILE", "the receiver's file (lerobot)")
+    sub.takes("--out FOLDER", "write the files there; on standard output where not given")
+    sub.shares("force")
 
     sub = verb(of.import_)
     words = "a serial log, printer.cfg, a data set, a bag, HDF5, CSV or Parquet"
-    sub.add_argument("source", metavar="SOURCE", help=words)
+    sub.takes("source SOURCE", words)
     words = "readings.csv, and mechanism.toml where the log has one, are written there"
-    sub.add_argument("--out", metavar="FOLDER", type=_folder, required=True, help=words)
-    sub.add_argument("--format", choices=sorted(KINDS), help="told from SOURCE where not given")
+    sub.takes("--out FOLDER", words, required=True)
+    sub.takes("--format", "told from SOURCE where not given", choices=sorted(KINDS))
     words = "whose channels are taken; where its chains are URDF, by the names of their joints"
-    sub.add_argument("--mechanism", metavar="NAME|FILE", help=words)
+    sub.takes("--mechanism NAME|FILE", words)
     words = "name in the log of each channel, of a table of other columns, too: q1=panda_joint1,…"
-    sub.add_argument("--channels", metavar="CHANNEL=NAME,…", type=_channels, help=words)
-    sub.add_argument("--topic", metavar="TOPIC", help="of ROS: where the joint states are")
-    words = "of ROS: only rows under a condition, '/wrench.force.z>2'"
-    sub.add_argument("--when", metavar="CONDITION", help=words)
+    sub.takes("--channels CHANNEL=NAME,…", words)
+    sub.takes("--topic TOPIC", "of ROS: where the joint states are")
+    sub.takes("--when CONDITION", "of ROS: only rows under a condition, '/wrench.force.z>2'")
     words = f"for how long a held pose is still ({HOLD:g}); 0: a recording as it is"
-    sub.add_argument("--hold", metavar="SECONDS", type=parsed("hold"), help=words)
-    sub.add_argument(
-        "--rate",
-        metavar="HZ",
-        type=parsed("rate"),
-        help="of a log without times, or in place of its times",
-    )
-    words = "of a data set: only these, 0,3,…; all where not given"
-    sub.add_argument("--episodes", metavar="N,…", type=_numbers, help=words)
+    sub.takes("--hold SECONDS", words, parsed("hold"))
+    words = "of a log without times, or in place of its times"
+    sub.takes("--rate HZ", words, parsed("rate"))
+    sub.takes("--episodes N,…", "of a data set: only these, 0,3,…; all where not given")
     words = "of LeRobot: calibration of the leader and of the follower, or of the follower"
-    sub.add_argument("--ranges", metavar="FILE,…", type=_names, default=[], help=words)
-    words = "columns with one text in every row: surface=table"
-    sub.add_argument("--labels", metavar="COLUMN=TEXT,…", type=_pairs, help=words)
-    words = "leave out rows with some channels and not others"
-    sub.add_argument("--skip-bad-rows", action="store_true", help=words)
-    _add_force(sub)
+    sub.takes("--ranges FILE,…", words)
+    sub.takes("--labels COLUMN=TEXT,…", "columns with one text in every row: surface=table")
+    sub.takes("--skip-bad-rows", "leave out rows with some channels and not others")
+    sub.shares("force")
 
     sub = verb(of.completion)
-    sub.add_argument("shell", choices=SHELLS, help="for whom the script is")
-    sub.set_defaults(parser=parser)
+    sub.takes("shell", "for whom the script is", choices=SHELLS)
+    sub.parser.set_defaults(parser=parser)
     return parser
-
-
-def _add_mechanism(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument("--mechanism", metavar="NAME|FILE", default="rsi", help="default: rsi")
-
-
-def _add_check(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument("--check", metavar="READINGS", help="known poses, never used in a fit")
-    words = "the point whose places they are, where chains carry several"
-    sub.add_argument("--check-point", metavar="NAME", help=words)
-    words = "error on the check poses also after a rigid motion of the instrument"
-    sub.add_argument("--align", action="store_true", help=words)
-
-
-def _add_skip(sub: argparse.ArgumentParser) -> None:
-    words = "drop rows that cannot be used or are at an end of a range, and list them in the result"
-    sub.add_argument("--skip-bad-rows", action="store_true", help=words)
-
-
-def _add_about(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument("--device", metavar="NAME", help="the device, for the result and the report")
-    sub.add_argument("--note", metavar="TEXT", help="what is to be remembered of the session")
-    words = "from when the parameters hold: 2025-03-01, or with a time"
-    sub.add_argument("--date", metavar="DATE", help=words)
-
-
-def _add_out(sub: argparse.ArgumentParser) -> None:
-    words = "write result.json, the calibrated mechanism and the reports there"
-    sub.add_argument("--out", metavar="DIR", type=_folder, help=words)
-    _add_force(sub)
-
-
-def _add_force(sub: argparse.ArgumentParser) -> None:
-    words = "replace files that rsicalib did not write"
-    sub.add_argument("--force", action="store_true", help=words)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import inspect
 import json
 import os
 import sys
@@ -35,23 +36,16 @@ ALARMED = 4
 
 def calibrate(args: Args) -> int:
     """Parameters from joint readings alone: estimates, uncertainty, adequacy."""
-    from rsicalib import api
+    from rsicalib.verbs import calibration
 
-    prepare(args)
-    _with_logs(args)
-    options = {**_session(args), "method": args.method, "seed": args.seed}
-    return show(args, _heard(args, lambda line: api.calibrate(args.readings, **options, **line)))
+    return _identified(args, calibration.calibrate)
 
 
 def trace(args: Args) -> int:
     """Close the loop: residual, missing term, error before and after."""
-    from rsicalib import api
+    from rsicalib.verbs import tracing
 
-    prepare(args)
-    _with_logs(args)
-    options = {**_session(args), "without": args.without, "seed": args.seed}
-    options["apply_all"] = args.apply_all
-    return show(args, _heard(args, lambda line: api.trace(args.readings, **options, **line)))
+    return _identified(args, tracing.trace)
 
 
 def import_(args: Args) -> int:
@@ -59,8 +53,7 @@ def import_(args: Args) -> int:
     from rsicalib.imports.opening import import_log
     from rsicalib.report.recording import recording_figure
 
-    names = "format mechanism channels topic when hold rate episodes ranges labels skip_bad_rows"
-    log = _heard(args, lambda _: import_log(args.source, **_of(args, names)), "read the log")
+    log = _heard(args, lambda _: import_log(**_given(args, import_log)), "read the log")
     files = log.files()
     figure = recording_figure(log)
     if figure is not None:
@@ -74,9 +67,8 @@ def export(args: Args) -> int:
     """A result for others: URDF, MJCF, Maslow4, Klipper, LeRobot, ROS 2, C, corrected readings."""
     from rsicalib.exports.opening import export_result, sealed
 
-    options = _of(args, "readings base")
-    given = (args.result, args.to, args.mechanism)
-    files = _heard(args, lambda _: export_result(*given, **options), "export the result")
+    given = _given(args, export_result)
+    files = _heard(args, lambda _: export_result(args.result, **given), "export the result")
     if args.out is not None:
         made = sealed(files, args.to)
         written = write_folder(args.out, made, seal=EXPORT, force=args.force)
@@ -90,11 +82,10 @@ def export(args: Args) -> int:
 
 def fixture(args: Args) -> int:
     """Open loop, from known poses in the readings."""
-    from rsicalib import api
+    from rsicalib.verbs.open_loop import fixture as by_fixture
 
     prepare(args)
-    options = _of(args, "mechanism check align skip_bad_rows device note date")
-    return show(args, _heard(args, lambda _: api.fixture(args.readings, **options)))
+    return show(args, _heard(args, lambda _: by_fixture(**_given(args, by_fixture))))
 
 
 def demo(args: Args) -> int:
@@ -158,8 +149,7 @@ def simulate(args: Args) -> int:
     """A device with a known truth: readings, rest and check poses, truth."""
     from rsicalib.poses.simulation import simulate as simulate_device
 
-    options = {**_of(args, "mechanism poses samples noise seed force"), "check": args.check_poses}
-    made = _heard(args, lambda _: simulate_device(args.out, **options), "simulate")
+    made = _heard(args, lambda _: simulate_device(**_given(args, simulate_device)), "simulate")
     text = "\n".join(sorted(str(path) for path in args.out.iterdir()))
     return _told(args, to_json(made.truth), text)
 
@@ -170,10 +160,9 @@ def plan(args: Args) -> int:
     from rsicalib.planning.plan import plan as plan_poses
     from rsicalib.report.poses import poses_html
 
-    mechanism = api.load_mechanism(args.mechanism)
-    warn(args, mechanism.doubts)
-    options = _of(args, "poses target result beside noise criterion calibration off seed")
-    found = _heard(args, lambda _: plan_poses(mechanism, **options), "choose poses")
+    args.mechanism = api.load_mechanism(args.mechanism)
+    warn(args, args.mechanism.doubts)
+    found = _heard(args, lambda _: plan_poses(**_given(args, plan_poses)), "choose poses")
     if args.out is not None:
         brings = [("", list(found.advice)), *found.brings()]
         shown = found.mechanism, found.length_unit, found.csv(), brings, found.poses
@@ -192,12 +181,10 @@ def guide(args: Args) -> int:
     def told(url: str) -> None:
         if not args.quiet:
             print(f"the page of this session: {url}", file=sys.stderr, flush=True)
-            if args.host not in LOCAL:
+            if args.host not in (None, *LOCAL):
                 print(square(url), file=sys.stderr, flush=True)
 
-    names = "out mechanism rest target source drive labels resume port host samples seconds seed"
-    options = _of(args, f"{names} quiet")
-    found = take_session(**options, browser=not args.no_browser, told=told)
+    found = take_session(**_given(args, take_session), told=told)
     if found is None:
         raise UndeterminedError("the poses so far do not determine the calibration")
     summary = found.summary(width=columns_of(sys.stdout))
@@ -208,10 +195,8 @@ def fleet(args: Args) -> int:
     """Many devices: a row of results each, and a page with those that stand out."""
     from rsicalib.fleets.run import fleet as calibrate_fleet
 
-    names = "mechanism out by levels terms closures noise trace held_out workers dask resume"
-    options = _of(args, f"{names} population time_limit")
-    options |= {} if args.reports is None else {"reports": args.reports}
-    found = _counted(args, lambda told: calibrate_fleet(args.dataset, **options, progress=told))
+    given = _given(args, calibrate_fleet)
+    found = _counted(args, lambda told: calibrate_fleet(**given, progress=told))
     return _told(args, to_json(found.to_dict()), found.text(), found.exit_code)
 
 
@@ -219,9 +204,8 @@ def suppose(args: Args) -> int:
     """What an effect would do in these poses, and whether they would show it."""
     from rsicalib.planning.supposing import suppose as suppose_effect
 
-    names = "mechanism rest closures noise calibration skip_bad_rows"
-    options = {"model": args.terms, **_of(args, names)}
-    found = _heard(args, lambda _: suppose_effect(args.readings, args.term, **options))
+    given = {**_given(args, suppose_effect), "terms": args.term, "model": args.terms}
+    found = _heard(args, lambda _: suppose_effect(**given))
     if args.out is not None:
         page = {args.out.name: f"{found.report()}<!-- {MARK} -->\n"}
         write_folder(args.out.parent, page, force=args.force)
@@ -232,8 +216,8 @@ def certify(args: Args) -> int:
     """Whether the largest error is within a limit: decision, budget, what would decide it."""
     from rsicalib.verbs.certifying import certify as certify_result
 
-    options, what = _of(args, "mechanism limit confidence at"), "draw the largest error"
-    found = _heard(args, lambda _: certify_result(args.result, **options), what)
+    given, what = _given(args, certify_result), "draw the largest error"
+    found = _heard(args, lambda _: certify_result(**given), what)
     document = _document("rsicalib.certificate/1", found)
     _sheets(args, "certificate", document, found.text(), found.report)
     return _told(args, document, found.text(), found.exit_code)
@@ -244,8 +228,8 @@ def paper(args: Args) -> int:
     from rsicalib.reproduction.page import html
     from rsicalib.reproduction.paper import paper as compute_paper
 
-    options = _of(args, "seed workers")
-    found = _counted(args, lambda told: compute_paper(args.trials, **options, progress=told))
+    given = _given(args, compute_paper)
+    found = _counted(args, lambda told: compute_paper(**given, progress=told))
     document = to_json(found.to_dict())
     _sheets(args, "paper", document, found.text(), lambda: html(found))
     return _told(args, document, found.text())
@@ -255,8 +239,7 @@ def history(args: Args) -> int:
     """Parameters of one device against date."""
     from rsicalib.verbs.lifetime import history as history_of
 
-    options, what = _of(args, "device target"), "read the results"
-    found = _heard(args, lambda _: history_of(args.folder, args.mechanism, **options), what)
+    found = _heard(args, lambda _: history_of(**_given(args, history_of)), "read the results")
     _sheets(args, "history", found.to_json(), found.text(), found.page)
     where = "" if args.out is None else f"\n\n{args.out / 'history.html'}"
     return _told(args, found.to_json(), found.text() + where)
@@ -268,11 +251,11 @@ def watch(args: Args) -> int:
     from rsicalib.verbs.monitor import Watching
     from rsicalib.verbs.monitor import watch as watch_device
 
-    chosen = _of(args, "false_alarms state follow")
-    given = (args.readings, args.calibration, args.mechanism)
-    many = os.path.isdir(args.calibration)
     watching: Watching | WatchingDevices
-    watching = watch_devices(*given, **chosen) if many else watch_device(*given, **chosen)
+    if os.path.isdir(args.calibration):
+        watching = watch_devices(calibrations=args.calibration, **_given(args, watch_devices))
+    else:
+        watching = watch_device(**_given(args, watch_device))
     # What arrives as it happens takes its time anyway.
     line = None if args.readings == "-" or args.follow else progress_of(args)
     if line is not None:
@@ -388,26 +371,22 @@ def _counted(args: Args, job: Callable[[Callable[[str, int, int], None] | None],
     return _heard(args, run, "begin")
 
 
-def _with_logs(args: Args) -> None:
-    """Read what is a log of another program, and take the mechanism that it brings along."""
+def _identified(args: Args, verb: Callable[..., Any]) -> int:
+    """Calibrate or trace; what is a log of another program is read, with the mechanism it has."""
     from rsicalib.work.arguments import with_logs
 
-    given = args.mechanism
-    read = lambda _: with_logs(args.readings, given, args.skip_bad_rows)  # noqa: E731
+    prepare(args)
+    own = args.mechanism
+    read = lambda _: with_logs(args.readings, own, args.skip_bad_rows)  # noqa: E731
     args.readings, args.mechanism = _heard(args, read, "read the log")
-    args.brought = None if args.mechanism is given else args.mechanism
+    args.brought = None if args.mechanism is own else args.mechanism
+    return show(args, _heard(args, lambda line: verb(**_given(args, verb), **line)))
 
 
-def _session(args: Args) -> dict[str, Any]:
-    """Options that `calibrate` and `trace` share, by the names they have in Python."""
-    names = """mechanism rest check check_point check_noise check_noise_angle terms closures noise
-        calibration population align fit_groups hold_out_groups skip_bad_rows device note date"""
-    return _of(args, names)
-
-
-def _of(args: Args, names: str) -> dict[str, Any]:
-    """Options by the names that they have in Python."""
-    return {name: getattr(args, name) for name in names.split()}
+def _given(args: Args, function: Callable[..., object]) -> dict[str, Any]:
+    """The options of a command that a function of Python takes, by the names they have there."""
+    given = {name: getattr(args, name, None) for name in inspect.signature(function).parameters}
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def _document(form: str, found: Record) -> str:

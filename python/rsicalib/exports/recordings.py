@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,6 @@ import numpy as np
 from rsicalib.arrays import FloatArray
 from rsicalib.exports.ask import Ask
 from rsicalib.exports.coordinates import coordinates, sensor_terms, unit_of
-from rsicalib.imports.log import Session
 from rsicalib.io.extras import needed
 from rsicalib.io.readings import Readings
 from rsicalib.work.closing import warn_of_open_loops
@@ -29,13 +29,7 @@ def _corrected(ask: Ask) -> tuple[Readings, FloatArray]:
 def write_csv(ask: Ask) -> dict[str, str]:
     """Write `corrected.csv`, and the mechanism under which such rows are read as they are."""
     readings, values = _corrected(ask)
-    columns: dict[str, Any] = {"pose": readings.pose} if readings.held else {}
-    single = {"sample": readings.sample, "time_s": readings.time_s}
-    single["temperature_c"] = readings.temperature_c
-    columns |= {name: cells for name, cells in single.items() if cells is not None}
-    columns |= {**readings.keys, **readings.columns}
-    columns |= {name: values[:, k] for k, name in enumerate(readings.channels)}
-    text = Session(columns, readings.lines).csv()
+    text = replace(readings, values=values, poses=None).csv()
     return {"corrected.csv": text, "corrected.toml": _as_read(ask)}
 
 

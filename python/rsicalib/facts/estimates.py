@@ -50,12 +50,7 @@ class Estimate:
     unit: str
     place: str | None
     profile: tuple[float | None, ...] | None
-
-    if TYPE_CHECKING:
-
-        @property
-        def earlier(self) -> Earlier | None:
-            """What an earlier result says."""
+    earlier: Earlier | None
 
     @property
     def change(self) -> float | None:
@@ -128,12 +123,7 @@ class Effect:
     curve_sd: tuple[float, ...]
     curve_over: str | None
     curve_unit: str | None
-
-    if TYPE_CHECKING:
-
-        @property
-        def parameters(self) -> Sequence[Size]:
-            """Estimates."""
+    parameters: Sequence[Size]
 
     @property
     def spec(self) -> str:
@@ -210,12 +200,7 @@ class Together:
     """`repr` of effects that explain a session together, with the fields of `shapes.Rival`."""
 
     probability: float
-
-    if TYPE_CHECKING:
-
-        @property
-        def terms(self) -> Sequence[Named]:
-            """The effects."""
+    terms: Sequence[Named]
 
     def __repr__(self) -> str:
         names = " + ".join(f"{one.term}@{one.target}" for one in self.terms) or "nothing"

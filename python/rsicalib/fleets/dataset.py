@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rsicalib.errors import InputError
-from rsicalib.fleets.frames import Runs, joined, runs_of, select
+from rsicalib.fleets.frames import Runs, joined, listed, runs_of, select
 from rsicalib.io.extras import parquet_modules
 from rsicalib.io.frames import Columns, columns_of
 from rsicalib.io.tables import PARQUET, Table, chunks, read_table, text
@@ -64,20 +64,20 @@ class Piece:
     """Files, and numbers of the row groups in them."""
     devices: int
     """Its devices, or about how many there are."""
-    known: tuple[Any, ...] | None
-    """The devices; None for those that begin in `rows`."""
     own: int
     """Row groups, the first ones, that are read; the others hold the rest of `ends`."""
-    rows: tuple[int, int]
-    """First row of those groups, and the one after the last, in which devices begin."""
-    skip: Any
-    """A device in these rows that began before them."""
-    ends: Any
-    """The device that goes on in the other row groups."""
-    rest: Columns | None
     by: str
     size: int
     """Devices that are calibrated at a time."""
+    known: tuple[Any, ...] | None = None
+    """The devices; None for those that begin in `rows`."""
+    rows: tuple[int, int] = (0, 0)
+    """First row of those groups, and the one after the last, in which devices begin."""
+    skip: Any = None
+    """A device in these rows that began before them."""
+    ends: Any = None
+    """The device that goes on in the other row groups."""
+    rest: Columns | None = None
     place: str = ""
     """Where it is in the dataset."""
 
@@ -228,14 +228,12 @@ class Dataset:
                 piece = Piece(
                     places=tuple(group.place for group in groups[begin:last]),
                     devices=(own[1] - own[0]) // per,
-                    known=None,
                     own=end - begin,
+                    by=self.by,
+                    size=size,
                     rows=own,
                     skip=groups[begin].least if before else None,
                     ends=ends,
-                    rest=None,
-                    by=self.by,
-                    size=size,
                 )
                 pieces.append(piece)
             begin = end
@@ -267,18 +265,8 @@ class Dataset:
             if self.rest is not None:
                 runs = _by_device(self.rest, self.by)
                 rest = select(self.rest, (run for own in labels for run in runs.get(own, [])))
-            piece = Piece(
-                places=own,
-                devices=len(labels),
-                known=tuple(labels),
-                own=len(own),
-                rows=(0, 0),
-                skip=None,
-                ends=None,
-                rest=rest,
-                by=self.by,
-                size=size,
-            )
+            known = tuple(labels)
+            piece = Piece(own, len(known), len(own), self.by, size, known=known, rest=rest)
             pieces.append(piece)
             labels = []
         return pieces
@@ -479,8 +467,7 @@ def _labelled(table: Table, by: str, label: str) -> Columns:
 def _labels(frame: Columns, by: str) -> list[Any]:
     if by not in frame:
         raise InputError(f"found no column {by!r} in every file, expected one")
-    cells = frame[by]
-    return cells.tolist() if isinstance(cells, np.ndarray) else list(cells)
+    return listed(frame[by])
 
 
 def _by_device(frame: Columns, by: str) -> dict[Any, Runs]:

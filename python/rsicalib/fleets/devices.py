@@ -15,9 +15,9 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import plain
-from rsicalib.fleets.frames import TEXT, Frame, frame_like, runs_of, select
+from rsicalib.fleets.frames import TEXT, Frame, frame_like, listed, runs_of, select
 from rsicalib.io.cells import Fault, MechanismLike, needed_columns, read_cells, read_header
-from rsicalib.io.frames import Cells, Columns, columns_of
+from rsicalib.io.frames import Columns, columns_of
 from rsicalib.io.tables import USED, Table, text
 from rsicalib.options import number
 from rsicalib.work.arguments import Bare, MechanismArg, names_in, noise_of_channels, open_mechanism
@@ -167,7 +167,7 @@ def digests(frame: Columns, rest: Columns | None, mechanism: Mechanism, by: str)
 
 def without(frame: Columns, by: str, labels: set[Any]) -> Columns:
     """A table without the rows of some devices."""
-    devices = runs_of(_cells(frame[by])).items()
+    devices = runs_of(listed(frame[by])).items()
     return select(frame, (run for label, runs in devices if label not in labels for run in runs))
 
 
@@ -177,7 +177,7 @@ def one_device(
     """The readings of one device, and those of its rest pose, as tables of their own."""
 
     def own(rows: Columns | None) -> Columns | None:
-        runs = runs_of(_cells(rows[by])) if rows is not None and by in rows else {}
+        runs = runs_of(listed(rows[by])) if rows is not None and by in rows else {}
         if rows is None or label not in runs:
             return None
         return {n: cells for n, cells in select(rows, runs[label]).items() if n != by}
@@ -224,10 +224,6 @@ def _rest_rows(frame: Columns, by: str) -> tuple[Columns, Columns | None]:
     return select(frame, rows.get(False, [])), select(frame, rows[True])
 
 
-def _cells(cells: Cells) -> list[Any]:
-    return cells.tolist() if isinstance(cells, np.ndarray) else list(cells)
-
-
 def _rest_readings(
     frames: Sequence[Columns], mechanism: Mechanism, by: str
 ) -> dict[Any, FloatArray | str]:
@@ -258,7 +254,7 @@ class _Read:
 
     @classmethod
     def of(cls, frame: Columns, mechanism: MechanismLike, by: str) -> _Read:
-        labels = _cells(frame[by])
+        labels = listed(frame[by])
         lines = np.arange(1, len(labels) + 1, dtype=np.int64)
         columns = {name: cells for name, cells in frame.items() if name != by}
         table = Table(list(columns), list(columns.values()), lines, "row", "devices", "")

@@ -22,6 +22,11 @@ TEXT = ("verdict", "message", "steps", "sha256", "file")
 """Columns of results that hold text; the other columns hold numbers, NaN where unknown."""
 
 
+def listed(cells: Cells) -> list[Any]:
+    """Cells as values of Python."""
+    return cells.tolist() if isinstance(cells, np.ndarray) else list(cells)
+
+
 def frame_like(frame: Frame, rows: Mapping[str, Sequence[Any]], label: str) -> Frame:
     """Results as a table of the kind of `frame`.
 

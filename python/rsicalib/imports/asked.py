@@ -12,6 +12,15 @@ HOLD = 0.5
 
 
 @dataclass(frozen=True)
+class Needs:
+    """What a mechanism needs of a log beside its channels, and the units of those."""
+
+    columns: tuple[str, ...] = ()
+    texts: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Asked:
     """Options of an import; a format uses those that mean something for it.
 
@@ -35,12 +44,10 @@ class Asked:
         Text columns with the same entry in each row: `group`, `at`, `surface`.
     beside : mapping of str to str
         Of a table: name in the log of columns that are no channels: `at`, `temperature_c`.
-    needed, texts : tuple of str
-        Columns that the mechanism needs beside its channels, and which of them hold text.
+    needs : Needs
+        What the mechanism needs.
     joints : tuple of str
         Channels that are looked for by the names of their joints: a table may have their own.
-    units : mapping of str to str
-        Unit of each channel, as the mechanism declares it.
     """
 
     channels: Mapping[str, str] | None = None
@@ -53,10 +60,8 @@ class Asked:
     skip_bad_rows: bool = False
     labels: Mapping[str, str] = field(default_factory=dict)
     beside: Mapping[str, str] = field(default_factory=dict)
-    needed: tuple[str, ...] = ()
-    texts: tuple[str, ...] = ()
+    needs: Needs = field(default_factory=Needs)
     joints: tuple[str, ...] = ()
-    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def chosen(

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from rsicalib.arrays import FloatArray
-from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.log import Column
 from rsicalib.io.cells import COLUMNS, POSE, TEXTS
@@ -42,10 +41,11 @@ def columns_beside(table: Table, asked: Asked) -> dict[str, int]:
     InputError
         A column that was given by name is not there, or two have its name.
     """
-    own = [name for name in (*COLUMNS, *asked.needed) if name in table.names and name != TIME]
+    needed = asked.needs.columns
+    own = [name for name in (*COLUMNS, *needed) if name in table.names and name != TIME]
     wanted = {name: name for name in own if name not in asked.labels} | dict(asked.beside)
     places = chosen(wanted, table.names, table.source)
-    sure = {*asked.needed, *asked.beside}
+    sure = {*needed, *asked.beside}
     out = {n for n in places if n not in sure and not _usable(table, n, places[n])}
     known = [name for name in POSE if name in places and name not in out]
     if known not in ([*POSE], [*POSE[:3]]):
@@ -80,21 +80,15 @@ def cells_beside(
     """
     made: dict[str, Column] = {}
     for name, place in places.items():
-        if name in TEXTS or name in asked.texts:
+        if name in TEXTS or name in asked.needs.texts:
             made[name] = [text(table.columns[place][k]) for k in keep.tolist()]
             continue
         values: FloatArray = table.numbers(place)[keep]
         for k in np.flatnonzero(~np.isfinite(values)).tolist():
             cell = table.columns[place][keep[k]]
             if text(cell):  # NaN, of what is no text, is blank, too
-                raise InputError.at(
-                    table.source,
-                    line=int(table.lines[keep[k]]),
-                    column=table.names[place],
-                    found=quoted(cell),
-                    expected="a finite number, or blank",
-                    line_word=table.line_word,
-                )
+                expected = "a finite number, or blank"
+                raise table.fault(keep[k], table.names[place], quoted(cell), expected)
         whole = name in LABELS and np.array_equal(values, np.rint(values))
         made[name] = values.astype(np.int64) if whole else values
     return made
@@ -107,7 +101,7 @@ def units_said(table: Table, places: Mapping[str, int], asked: Asked) -> Iterato
     """
     hidden, against = [], []
     for channel, place in places.items():
-        match, declared = UNIT.search(table.names[place]), asked.units.get(channel)
+        match, declared = UNIT.search(table.names[place]), asked.needs.units.get(channel)
         if match is None:
             continue
         if declared is None and channel != table.names[place]:

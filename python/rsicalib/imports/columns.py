@@ -23,7 +23,7 @@ from rsicalib.imports.log import Log
 from rsicalib.imports.series import in_columns
 from rsicalib.imports.stretches import Recording, session_of
 from rsicalib.io.cells import POSE
-from rsicalib.io.tables import PARQUET, Table, is_blank, numbers, quoted, read_table, text
+from rsicalib.io.tables import PARQUET, Lines, Table, is_blank, numbers, quoted, read_table, text
 from rsicalib.io.times import TIME, seconds, time_column
 from rsicalib.plain_text import counted
 
@@ -112,9 +112,7 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
         said = "no rows" if places else "no column of numbers"
         raise InputError.at(table.source, said, "readings of at least one channel")
     blank = np.array([[is_blank(c) for c in table.columns[k]] for k in places.values()]).T
-    keep, others = whole_rows(
-        ~blank, list(places), table.lines, table.source, asked.skip_bad_rows, table.line_word
-    )
+    keep, others = whole_rows(~blank, list(places), table.stands, asked.skip_bad_rows)
     if others:
         notes.append(f"{others} rows are of other series, or not whole: not used")
     values = np.column_stack([_cells(table, k, keep) for k in places.values()])
@@ -194,12 +192,7 @@ def _together(there: np.ndarray, names: Sequence[str]) -> str:
 
 
 def whole_rows(
-    there: np.ndarray,
-    names: Sequence[str],
-    lines: np.ndarray,
-    source: str,
-    skip: bool,
-    word: str = "line",
+    there: np.ndarray, names: Sequence[str], rows: Lines, skip: bool
 ) -> tuple[np.ndarray, int]:
     """Rows in which every channel has a reading.
 
@@ -209,10 +202,8 @@ def whole_rows(
         Whether there is a reading.
     names : sequence of str
         Channels.
-    lines : ndarray of int, shape (n,)
+    rows : Lines
         Where each row stands.
-    source, word : str
-        The log, and what `lines` counts.
     skip : bool
         Leave out rows with some of the channels, instead of refusing them.
 
@@ -236,17 +227,11 @@ def whole_rows(
         hint = f"{part.size} such rows{': ' if some else ', '}{out}name the "
         hint += "channels that belong together by rsicalib import --channels: "
         hint += f"{_together(there[part], names)}."
-        raise InputError.at(
-            source,
-            f"no reading of {', '.join(missing)}",
-            f"one of each of the {len(names)} channels, or of none",
-            line=int(lines[row]),
-            hint=hint,
-            line_word=word,
-            place=missing[0],
-        )
+        found = f"no reading of {', '.join(missing)}"
+        expected = f"one of each of the {len(names)} channels, or of none"
+        raise rows.fault(row, found, expected, hint=hint, place=missing[0])
     whole = np.flatnonzero(count == len(names))
     if not whole.size:
-        expected = f"readings of {', '.join(names)} in one {word}"
-        raise InputError.at(source, f"no {word} with all of them", expected)
+        expected = f"readings of {', '.join(names)} in one {rows.word}"
+        raise InputError.at(rows.source, f"no {rows.word} with all of them", expected)
     return whole, len(there) - len(whole)

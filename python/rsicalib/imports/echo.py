@@ -11,6 +11,7 @@ from rsicalib.imports.log import Log
 from rsicalib.imports.ros import STOPPED, Message, log_of
 from rsicalib.io.messages import documents, message_of
 from rsicalib.io.sources import read_text
+from rsicalib.io.tables import Lines
 
 
 def read(source: str, asked: Asked) -> Log:
@@ -33,6 +34,5 @@ def read(source: str, asked: Asked) -> Log:
         lines.append(line)
     if not messages:
         raise InputError.at(source, "no message", "joint states")
-    return log_of(
-        source, "joint states as text", "the text", messages, np.array(lines), None, asked, "line"
-    )
+    rows = Lines(source, np.array(lines), "line")
+    return log_of(rows, "joint states as text", "the text", messages, None, asked)

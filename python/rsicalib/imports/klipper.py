@@ -11,10 +11,11 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.klipper_config import TOWERS, Config, read_config
@@ -64,19 +65,33 @@ def read(source: str, asked: Asked) -> Log:
     steps_per_mm = [1.0 / _step(config, f"stepper_{tower}") for tower in TOWERS]
     above = np.array([h for h, _, _ in probes]) - height
     values = np.array([steps for _, steps, _ in probes]) + above[:, None] * steps_per_mm
-    pose = np.arange(len(values), dtype=np.int64)
-    labels = {name: [text] * len(pose) for name, text in asked.labels.items()}
-    places = chosen(asked.channels, TOWERS, source, "tower")
-    columns: dict[str, Column] = {"pose": pose, **labels}
-    columns |= {channel: values[:, k] for channel, k in places.items()}
-    session = Session(columns, np.array([line for _, _, line in probes]))
+    findings = _findings(len(probes), int(np.count_nonzero(above)), height)
+    return _log(config, asked, probes, values, height, findings)
+
+
+def _log(
+    config: Config,
+    asked: Asked,
+    rows: list[Probe],
+    values: FloatArray,
+    height: float,
+    findings: tuple[str, ...],
+    lengths: Sequence[tuple[str, float]] = (),
+    beside: Mapping[str, Column] | None = None,
+) -> Log:
+    """Rows with these readings of the towers, each a pose, and the mechanism that they are of."""
+    labels = {name: [text] * len(rows) for name, text in asked.labels.items()}
+    places = chosen(asked.channels, TOWERS, config.source, "tower")
+    columns: dict[str, Column] = {"pose": np.arange(len(rows), dtype=np.int64), **labels}
+    columns |= {channel: values[:, k] for channel, k in places.items()} | dict(beside or {})
+    session = Session(columns, np.array([line for _, _, line in rows]))
     digest = hashlib.sha256("".join(map(str, config.values.items())).encode()).hexdigest()
-    findings = _findings(config, len(probes), int(np.count_nonzero(above)), height)
-    text = mechanism(config, height) if tuple(places) == TOWERS else None
-    return Log(source, "delta printer of Klipper", (session,), text, findings, sha256=digest)
+    text = mechanism(config, height, lengths) if tuple(places) == TOWERS else None
+    name = "delta printer of Klipper"
+    return Log(config.source, name, (session,), text, findings, sha256=digest)
 
 
-def _findings(config: Config, probes: int, elsewhere: int, height: float) -> tuple[str, ...]:
+def _findings(probes: int, elsewhere: int, height: float) -> tuple[str, ...]:
     out = []
     if probes < UNKNOWNS:
         out.append(
@@ -115,24 +130,16 @@ def _with_distances(
     rows = [*probes, *pairs]
     values = np.array([steps for _, steps, _ in rows])
     heights = np.array([h for h, _, _ in probes] + [np.nan] * len(pairs))
-    labels = {name: [text] * len(rows) for name, text in asked.labels.items()}
-    places = chosen(asked.channels, TOWERS, config.source, "tower")
-    columns: dict[str, Column] = {"pose": np.arange(len(rows), dtype=np.int64), **labels}
-    columns |= {channel: values[:, k] for channel, k in places.items()}
-    columns |= {"touch": at, "height": heights}
-    session = Session(columns, np.array([line for _, _, line in rows]))
-    digest = hashlib.sha256("".join(map(str, config.values.items())).encode()).hexdigest()
     lengths = [(f"distance{k}", value) for k, (value, _, _) in enumerate(ends[0])]
-    text = mechanism(config, 0.0, lengths) if tuple(places) == TOWERS else None
     findings = (
         f"{len(probes)} heights and {len(lengths)} distances of a printed object, which are taken "
         f"to be known to {CALIPER:g} mm (`noise` of their closures)",
     )
-    name = "delta printer of Klipper"
-    return Log(config.source, name, (session,), text, findings, sha256=digest)
+    beside: dict[str, Column] = {"touch": at, "height": heights}
+    return _log(config, asked, rows, values, 0.0, findings, lengths, beside)
 
 
-def mechanism(config: Config, height: float, distances: Sequence[tuple[str, float]] = ()) -> str:
+def mechanism(config: Config, height: float, distances: Sequence[tuple[str, float]]) -> str:
     """Mechanism file of the printer: three carriages on towers, three arms, a nozzle on the bed.
 
     With distances of a printed object the nozzle has a place for each `touch`, two of which are so

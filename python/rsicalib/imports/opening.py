@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
-from rsicalib.imports.asked import Asked
+from rsicalib.imports.asked import Asked, Needs
 from rsicalib.imports.kinds import KINDS, format_of, is_table, whole_of
 from rsicalib.imports.log import Log
 from rsicalib.io.cells import COLUMNS
@@ -94,7 +93,7 @@ def import_log(
         expected = f"one of: {KINDS[format].takes or 'none'}"
         raise InputError(f"{useless[0]}: found it for a {KINDS[format].words}, expected {expected}")
     joints = None if mechanism is None else joints_of(mechanism)
-    needs = _Needs() if mechanism is None else _Needs.of(mechanism)
+    needs = Needs() if mechanism is None else _needs_of(mechanism)
     beside: dict[str, str] = {}
     if format == "columns" and channels is not None:
         others = {*COLUMNS, *needs.columns} - {*(joints or ())}
@@ -111,10 +110,8 @@ def import_log(
         skip_bad_rows=skip_bad_rows,
         labels=dict(labels or {}),
         beside=beside,
-        needed=needs.columns,
-        texts=needs.texts,
+        needs=needs,
         joints=tuple(name for name in joints or () if name not in (channels or {})),
-        units=needs.units,
     )
     return KINDS[format].read(name, asked)
 
@@ -160,23 +157,13 @@ def joints_of(mechanism: str | os.PathLike[str] | Mapping[str, Any] | Mechanism)
     return {channel.name: joints.get(channel.name, channel.name) for channel in loaded.channels}
 
 
-@dataclass(frozen=True)
-class _Needs:
-    """What a mechanism needs of a log beside its channels, and the units of those."""
+def _needs_of(mechanism: str | os.PathLike[str] | Mapping[str, Any] | Mechanism) -> Needs:
+    from rsicalib.io.mechanisms import load_mechanism  # few need it
 
-    columns: tuple[str, ...] = ()
-    texts: tuple[str, ...] = ()
-    units: Mapping[str, str] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, mechanism: str | os.PathLike[str] | Mapping[str, Any] | Mechanism) -> _Needs:
-        """Those of a mechanism."""
-        from rsicalib.io.mechanisms import load_mechanism  # few need it
-
-        loaded = mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
-        texts = tuple(loaded.key_columns)
-        units = {channel.name: channel.unit for channel in loaded.channels}
-        return cls((*texts, *loaded.value_columns), texts, units)
+    loaded = mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
+    texts = tuple(loaded.key_columns)
+    units = {channel.name: channel.unit for channel in loaded.channels}
+    return Needs((*texts, *loaded.value_columns), texts, units)
 
 
 def _wanted(

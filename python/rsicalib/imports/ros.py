@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import hashlib
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rsicalib.arrays import FloatArray, IntArray
+from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import HOLD, Asked, chosen
 from rsicalib.imports.bags import STATE, Bag, open_bag
@@ -22,6 +23,7 @@ from rsicalib.imports.condition import Condition
 from rsicalib.imports.log import Log
 from rsicalib.imports.stretches import Recording, session_of
 from rsicalib.io.extras import read_by
+from rsicalib.io.tables import Lines
 
 Message = tuple[int | None, Any]
 """Time of receipt [ns], where it is known, and the message."""
@@ -58,8 +60,8 @@ def read(source: str, asked: Asked) -> Log:
     if not messages:
         expected = "messages with joint states"
         raise InputError.at(source, "none", expected, place=topic)
-    lines = np.arange(1, len(messages) + 1)
-    return log_of(source, "bag of ROS", topic, messages, lines, inside, asked)
+    rows = Lines(source, np.arange(1, len(messages) + 1), "message")
+    return log_of(rows, "bag of ROS", topic, messages, inside, asked)
 
 
 def _mends(source: str) -> str:
@@ -99,43 +101,36 @@ def _is_command(topic: str) -> bool:
 
 
 def log_of(
-    source: str,
+    rows: Lines,
     kind: str,
     topic: str,
     messages: list[Message],
-    lines: IntArray,
     inside: np.ndarray | None,
     asked: Asked,
-    word: str = "message",
 ) -> Log:
     """The log that joint states are.
 
     Parameters
     ----------
-    source, kind, topic : str
-        What messages call it, what it is in words, and where the joint states are.
+    rows : Lines
+        Where each message stands.
+    kind, topic : str
+        What it is in words, and where the joint states are.
     messages : list of Message
         In order of time; a message has `name`, `position`, and a `header` where there is one.
-    lines : ndarray of int, shape (n,)
-        Where each stands, counted as `word` says.
     inside : ndarray of bool, shape (n,), or None
         At which there is contact, where that was asked for.
     asked : Asked
         Options of the import.
-    word : str
-        `message` or `line`.
 
     Raises
     ------
     InputError
         A message has some of the joints and not others, or no finite positions.
     """
-    positions = [
-        _positions(message, int(line), source, word)
-        for (_, message), line in zip(messages, lines, strict=True)
-    ]
+    positions = [_positions(message, rows, row) for row, (_, message) in enumerate(messages)]
     names = list(dict.fromkeys(name for at in positions for name in at))
-    places = chosen(asked.channels, names, source, "joint")
+    places = chosen(asked.channels, names, rows.source, "joint")
     joints = [names[k] for k in places.values()]
     table = np.full((len(messages), len(joints)), np.nan)
     there = np.zeros(table.shape, dtype=bool)
@@ -144,16 +139,11 @@ def log_of(
             if joint not in at:
                 continue
             if not _finite(at[joint]):
-                raise InputError.at(
-                    source,
-                    f"no finite position of {joint}",
-                    "finite positions",
-                    line=int(lines[row]),
-                    line_word=word,
-                )
+                raise rows.fault(row, f"no finite position of {joint}", "finite positions")
             table[row, column], there[row, column] = at[joint], True
-    keep, others = whole_rows(there, joints, lines, source, asked.skip_bad_rows, word)
-    time, findings = _times([messages[row] for row in keep.tolist()], lines[keep], source, word)
+    keep, others = whole_rows(there, joints, rows, asked.skip_bad_rows)
+    rows = replace(rows, numbers=rows.numbers[keep])
+    time, findings = _times([messages[row] for row in keep.tolist()], rows)
     values = table[keep]
     if others:
         findings.append(f"{others} messages without these joints are not used")
@@ -163,26 +153,25 @@ def log_of(
         findings.append(f"{contact.mean():.0%} of the messages are under {asked.when}")
         if not contact.any():
             expected = "at least one message at which the condition holds"
-            raise InputError.at(source, "none", expected, column=asked.when)
+            raise InputError.at(rows.source, "none", expected, column=asked.when)
     if _is_command(topic) or _looks_commanded(values, time):
         findings.append(
             f"the positions of {topic} look like commands: they stand exactly still, and are finer "
             "than any encoder (or the name says so); commands close better than an arm does"
         )
-    recording = Recording(tuple(places), values, time, lines[keep], contact)
-    session, notes = session_of(recording, asked, source)
+    recording = Recording(tuple(places), values, time, rows.numbers, contact)
+    session, notes = session_of(recording, asked, rows.source)
     times = b"" if time is None else time.tobytes()
     digest = hashlib.sha256(values.tobytes() + times).hexdigest()
     found = (f"joint states of {topic}", *findings, *notes)
-    return Log(source, kind, (session,), None, found, word, sha256=digest)
+    return Log(rows.source, kind, (session,), None, found, rows.word, sha256=digest)
 
 
-def _positions(message: Any, number: int, source: str, word: str) -> dict[str, float]:
+def _positions(message: Any, rows: Lines, row: int) -> dict[str, float]:
     """Positions by joint; refused where they do not belong together."""
 
     def refuse(found: str, expected: str) -> InputError:
-        hint = STOPPED if word == "line" else ""
-        return InputError.at(source, found, expected, line=number, hint=hint, line_word=word)
+        return rows.fault(row, found, expected, hint=STOPPED if rows.word == "line" else "")
 
     lists: list[Any] = [getattr(message, field, None) for field in ("name", "position")]
     if any(one is None or isinstance(one, str) or not hasattr(one, "__len__") for one in lists):
@@ -212,17 +201,15 @@ def _stamp(message: Any) -> int:
     return 0
 
 
-def _times(
-    messages: list[Message], lines: np.ndarray, source: str, word: str
-) -> tuple[FloatArray | None, list[str]]:
+def _times(messages: list[Message], rows: Lines) -> tuple[FloatArray | None, list[str]]:
     """Times from the first message [s], by the header, and what there is to say of them."""
     stamps = []
-    for (_, message), line in zip(messages, lines.tolist(), strict=True):
+    for row, (_, message) in enumerate(messages):
         try:
             stamps.append(_stamp(message))
         except (TypeError, ValueError):
             found, expected = "a stamp that is no time", "whole seconds and nanoseconds"
-            raise InputError.at(source, found, expected, line=line, line_word=word) from None
+            raise rows.fault(row, found, expected) from None
     received = [time for time, _ in messages if time is not None]
     first = next((row for row, stamp in enumerate(stamps) if stamp), None)
     if first is None and not received:
@@ -232,13 +219,8 @@ def _times(
         return np.array([t - received[0] for t in received]) / 1e9, [said]
     blank = next((row for row, stamp in enumerate(stamps) if not stamp and row > first), None)
     if blank is not None:  # simulated time begins at zero: there that is no blank
-        raise InputError.at(
-            source,
-            "a header without time, where others have one",
-            "a time in each header, or in none",
-            line=int(lines[blank]),
-            line_word=word,
-        )
+        found = "a header without time, where others have one"
+        raise rows.fault(blank, found, "a time in each header, or in none")
     time = np.array([s - stamps[0] for s in stamps]) / 1e9
     if not received:
         return time, []

@@ -13,6 +13,7 @@ from rsicalib.errors import InputError
 from rsicalib.imports.asked import HOLD, Asked
 from rsicalib.imports.log import Column, Session
 from rsicalib.io.samples import picked
+from rsicalib.io.tables import Lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,16 @@ class Recording:
     name: str = ""
     beside: Mapping[str, Column] = field(default_factory=dict)
 
+    def refuse_beyond(self, source: str, shown: str = "") -> None:
+        """Refuse what is no number, and numbers that are too large; `shown` is how."""
+        beyond = np.argwhere(~(np.abs(self.values) <= LARGEST))
+        if beyond.size:
+            row, column = beyond[0].tolist()
+            found = format(self.values[row, column], shown)
+            expected = f"a finite number, of {LARGEST:g} at the most"
+            rows = Lines(source, self.lines, "row")
+            raise rows.fault(row, found, expected, column=self.names[column])
+
 
 FARTHER = 0.01
 """Part of what it reads by which no sensor is noisy: rows that differ by more are postures."""
@@ -72,19 +83,7 @@ def session_of(
         Held poses with what is between them in `motion`, or the recording; and the rule in words.
     """
     hold = hold if asked.hold is None else asked.hold
-    beyond = np.argwhere(~(np.abs(recording.values) <= LARGEST))
-    if beyond.size:
-        row, column = beyond[0].tolist()
-        found = f"{recording.values[row, column]:g}"
-        expected = f"a finite number, of {LARGEST:g} at the most"
-        raise InputError.at(
-            source,
-            found,
-            expected,
-            line=int(recording.lines[row]),
-            column=recording.names[column],
-            line_word="row",
-        )
+    recording.refuse_beyond(source, "g")
     time = recording.time_s
     if asked.rate is not None:
         time = np.arange(len(recording.lines)) / asked.rate

@@ -11,9 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsicalib._core import LARGEST
 from rsicalib.arrays import FloatArray
-from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked, chosen
 from rsicalib.imports.log import Session
 from rsicalib.imports.stretches import Recording, session_of
@@ -91,7 +89,7 @@ class Teleop:
             for r in self.recordings
         ]
         for part in parts:
-            self._check(part)
+            part.refuse_beyond(f"{self.source}, {part.name}" if part.name else self.source)
         values = np.concatenate([part.values for part in parts])
         arms = [k for k, name in enumerate(places.values()) if not _is_gripper(names[name])]
         unit, steps, findings = self._unit(values, [names[k] for k in places.values()], arms)
@@ -113,21 +111,6 @@ class Teleop:
             findings += self._lag()
             text = self._mechanism(unit, steps)
         return tuple(session for session, _ in made), text, list(dict.fromkeys(findings))
-
-    def _check(self, part: Recording) -> None:
-        """Refuse what is no number."""
-        bad = np.argwhere(~(np.abs(part.values) <= LARGEST))
-        if bad.size:
-            row, column = bad[0].tolist()
-            source = f"{self.source}, {part.name}" if part.name else self.source
-            raise InputError.at(
-                source,
-                str(part.values[row, column]),
-                f"a finite number, of {LARGEST:g} at the most",
-                line=int(part.lines[row]),
-                column=part.names[column],
-                line_word="row",
-            )
 
     def _unit(
         self, values: FloatArray, names: list[str], arms: list[int]

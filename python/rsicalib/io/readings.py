@@ -177,22 +177,16 @@ class Readings(Samples, Tabular):
             found = f"a mask of shape {keep.shape} and type {keep.dtype}"
             raise InputError.at(self.source, found, f"{len(self)} truth values")
 
-        def rows(array: Any) -> Any:
-            return None if array is None else frozen(array[keep])
+        def rows(arrays: Mapping[str, Any]) -> dict[str, Any]:
+            own = {name: a for name, a in arrays.items() if isinstance(a, np.ndarray)}
+            return {name: frozen(array[keep]) for name, array in own.items()}
 
         return replace(
             self,
-            values=rows(self.values),
-            pose=rows(self.pose),
-            sample=rows(self.sample),
-            time_s=rows(self.time_s),
-            temperature_c=rows(self.temperature_c),
-            poses=rows(self.poses),
+            **rows(vars(self)),
             keys={name: picked(cells, keep) for name, cells in self.keys.items()},
-            columns={name: rows(column) for name, column in self.columns.items()},
-            lines=rows(self.lines),
-            repeats=rows(self.repeats),
-            part=Part(self.taken, rows(self.own)),
+            columns=rows(self.columns),
+            part=Part(self.taken, frozen(self.own[keep])),
         )
 
     def to_csv(self, path_or_file: str | os.PathLike[str] | TextIO, *, whole: bool = False) -> None:

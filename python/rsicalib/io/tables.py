@@ -45,6 +45,30 @@ class Ragged:
 
 
 @dataclass(frozen=True, eq=False)
+class Lines:
+    """Where rows stand.
+
+    Attributes
+    ----------
+    source : str
+        What messages call it.
+    numbers : ndarray of int, shape (n,)
+        Of each row.
+    word : str
+        What `numbers` count.
+    """
+
+    source: str
+    numbers: IntArray
+    word: str
+
+    def fault(self, row: int, found: str, expected: str, **more: Any) -> InputError:
+        """What is wrong with a row: ready to be raised; `more` is as for `InputError.at`."""
+        line = int(self.numbers[row])
+        return InputError.at(self.source, found, expected, line=line, line_word=self.word, **more)
+
+
+@dataclass(frozen=True, eq=False)
 class Table:
     """A table of `n` rows, column by column.
 
@@ -83,10 +107,12 @@ class Table:
         self, row: int, column: str | None, found: str, expected: str, hint: str = ""
     ) -> InputError:
         """What is wrong with a cell or, without `column`, with a row: ready to be raised."""
-        line, word = int(self.lines[row]), self.line_word
-        return InputError.at(
-            self.source, found, expected, line=line, column=column, hint=hint, line_word=word
-        )
+        return self.stands.fault(row, found, expected, column=column, hint=hint)
+
+    @property
+    def stands(self) -> Lines:
+        """Where its rows stand."""
+        return Lines(self.source, self.lines, self.line_word)
 
     def numbers(self, position: int) -> FloatArray:
         """A column as numbers, shape (n,); NaN where a cell is none."""
@@ -172,10 +198,7 @@ def chunks(path: str | os.PathLike[str], size: int = CHUNK) -> Iterator[Table]:
         large = os.path.getsize(path) > size
     except (OSError, ValueError):
         large = False
-    if not large:
-        yield read_table(path)
-        return
-    if not _is_plain(source):
+    if not large or not _is_plain(source):
         yield read_table(path)
         return
     with open(source, "rb") as file:

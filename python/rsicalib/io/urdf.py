@@ -29,7 +29,7 @@ from rsicalib.io.rigid import Matrix, inverse, joint_motion, rigid, rotation, xy
 from rsicalib.io.sources import read_text
 from rsicalib.io.toml_text import parse_toml
 from rsicalib.io.urdf_path import JointPath, Mass, Masses, stretch
-from rsicalib.io.urdf_tree import ORIGIN, Joint, Robot, Step, listed, refuse
+from rsicalib.io.urdf_tree import ORIGIN, Element, Joint, Robot, Step, listed, refuse
 
 UNCHANGED = 1e-14
 """Elements of a transformation (rad, m) that differ by less do so by rounding."""
@@ -436,17 +436,19 @@ class _Edits:
         found, element = joint.mimic(), joint.element.child("mimic")
         if element is None or found is None or found[1:] == (ratio, offset):
             return
-        start, end = element.start, self._tag_end(element.start)
-        values = {"multiplier": repr(float(ratio)), "offset": repr(float(offset))}
-        self.edits.append((start, end, _with_attributes(self.data[start:end], values)))
+        self._rewrite(element, multiplier=float(ratio), offset=float(offset))
 
     def limits(self, joint: Joint, by: float) -> None:
         """Moves the limits of a joint."""
         found, element = joint.limits(), joint.element.child("limit")
         if element is None or found is None or by == 0.0:
             return
+        self._rewrite(element, lower=found[0] + by, upper=found[1] + by)
+
+    def _rewrite(self, element: Element, **numbers: float) -> None:
+        """Changes numbers of an element."""
         start, end = element.start, self._tag_end(element.start)
-        values = dict(zip(("lower", "upper"), (repr(value + by) for value in found), strict=True))
+        values = {key: repr(value) for key, value in numbers.items()}
         self.edits.append((start, end, _with_attributes(self.data[start:end], values)))
 
     def _tag_end(self, start: int) -> int:

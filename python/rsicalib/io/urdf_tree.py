@@ -154,11 +154,7 @@ class Joint:
         limit = self.element.child("limit")
         if limit is None or self.kind == "continuous":
             return None
-        place = f'joint "{self.name}", limit'
-        lower, upper = (
-            read_numbers(limit.attributes.get(key, "0"), 1, self.file, place, limit.line)[0]
-            for key in ("lower", "upper")
-        )
+        lower, upper = self._numbers(limit, lower="0", upper="0")
         return [lower, upper] if lower < upper else None
 
     def mimic(self) -> tuple[str, float, float] | None:
@@ -178,12 +174,14 @@ class Joint:
         mimic = self.element.child("mimic")
         if mimic is None:
             return None
-        place = f'joint "{self.name}", mimic'
-        ratio, offset = (
-            read_numbers(mimic.attributes.get(key, default), 1, self.file, place, mimic.line)[0]
-            for key, default in (("multiplier", "1"), ("offset", "0"))
-        )
+        ratio, offset = self._numbers(mimic, multiplier="1", offset="0")
         return mimic.attributes.get("joint", ""), ratio, offset
+
+    def _numbers(self, element: Element, **defaults: str) -> list[float]:
+        """Numbers of an element by attribute, as they are where they are not given."""
+        place, line = f'joint "{self.name}", {element.tag}', element.line
+        texts = [element.attributes.get(key, default) for key, default in defaults.items()]
+        return [read_numbers(text, 1, self.file, place, line)[0] for text in texts]
 
 
 @dataclass(frozen=True)

@@ -102,10 +102,7 @@ class Device(Alike):
             joint limit or out of range.
         """
         poses = np.ascontiguousarray(poses, dtype=np.float64).reshape(-1, 6)
-        found: FloatArray = _core.readings_at(
-            self.mechanism, poses, self.offsets, self.gains, margin
-        )
-        return found
+        return _core.readings_at(self.mechanism, poses, self.offsets, self.gains, margin)
 
     def sample(
         self,

@@ -72,8 +72,7 @@ class Placer:
         InputError
             It is not a reading of the mechanism.
         """
-        found: FloatArray = self._core.place(np.asarray(reading, dtype=np.float64))
-        return found
+        return self._core.place(np.asarray(reading, dtype=np.float64))
 
     def __reduce__(self) -> tuple[type[Placer], tuple[object, ...]]:
         return type(self), self._of

@@ -55,7 +55,7 @@ class Simulated(Alike, Sealed):
         name, seed = self.device.mechanism.name, self.truth["seed"]
         return f"<Simulated {name!r}, seed {seed}: {self.readings.n_poses} poses>"
 
-    def _repr_html_(self) -> str:
+    def _repr_html_(self) -> str | None:
         return self.readings._repr_html_()
 
     def files(self) -> dict[str, str]:

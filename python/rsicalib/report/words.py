@@ -359,22 +359,13 @@ class ErrorRow(NamedTuple):
 def comparison(result: ResultShape) -> tuple[tuple[str, str], list[ErrorRow]]:
     """The error before and after: two headings, and rows."""
     nothing = FitQuality(None, None, None, None)
+    after, heads = quality(result), ("as declared", "calibrated")
+    before = result.nominal or nothing
     if isinstance(result, TraceShape):
-        changed = result.steps or result.excluded
-        before, after = result.before if changed else nothing, result.after
+        before = result.before if result.steps or result.excluded else nothing
         heads = ("before", "after")
     elif result.with_excluded is not None:
-        before, after, heads = (
-            result.with_excluded.fit,
-            quality(result),
-            ("all readings", "left out"),
-        )
-    else:
-        before, after, heads = (
-            result.nominal or nothing,
-            quality(result),
-            ("as declared", "calibrated"),
-        )
+        before, heads = result.with_excluded.fit, ("all readings", "left out")
     unit = result.length_unit
 
     def both(of: Callable[[FitQuality], str | None]) -> tuple[str | None, str | None]:

@@ -7,6 +7,7 @@ on simulated readings without noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -18,49 +19,48 @@ from rsicalib.facts.records import Record
 from rsicalib.poses.devices import Device
 from rsicalib.reproduction.edges import edge, intervals
 from rsicalib.reproduction.placing import exact_readings
-from rsicalib.reproduction.trials import ITERATIONS, Estimate, Progress, run
+from rsicalib.reproduction.trials import ITERATIONS, Draws, Estimate
 
 CLOSE = 1e-3
 """A gain this near to the truth, as a fraction of it, is the right solution and no other."""
 
+STEP = 0.005
+"""Distance between the factors that are tried where all gains are wrong alike."""
 
-def converges(
-    device: Device,
-    exact: FloatArray,
-    factors: FloatArray | float,
-    *,
-    anchor: FloatArray | None = None,
-    closures: Sequence[str] | None = None,
-) -> bool:
-    """Whether the paper's method finds the truth from gains that are wrong by these factors.
 
-    Parameters
+@dataclass(frozen=True)
+class Searches:
+    """Searches of the paper's method for the truth, from gains that are wrong.
+
+    Attributes
     ----------
     device : Device
         Device with the true parameters.
     exact : ndarray, shape (n, C)
         Readings without noise.
-    factors : float or ndarray, shape (C,)
-        Starting gains over true gains.
     anchor : ndarray, shape (C,), optional
         Readings at which the joint coordinates are known, so that offsets start at
         `θ - k a`; without it the true offsets are kept, as in the paper.
-    closures : sequence of str, optional
-        Closures that are used; all by default.
-
-    Returns
-    -------
-    bool
-        Every gain within 0.1 % of the truth.
     """
-    gains = device.gains * factors
-    offsets = device.offsets
-    if anchor is not None:
-        offsets = device.offsets + (device.gains - gains) * anchor
-    _, found, *_ = _core.minimize(
-        device.mechanism, exact, offsets, gains, closures=closures, max_iterations=ITERATIONS
-    )
-    return bool(np.all(np.abs(found / device.gains - 1) < CLOSE))
+
+    device: Device
+    exact: FloatArray
+    anchor: FloatArray | None
+
+    @classmethod
+    def of(cls, device: Device, poses: npt.ArrayLike, anchored: bool) -> Searches:
+        """Searches from readings of these poses, anchored at the rest pose or not."""
+        return cls(device, exact_readings(device, poses), _anchor(device) if anchored else None)
+
+    def succeed(self, factors: FloatArray | float) -> bool:
+        """Whether every gain comes within 0.1 % of the truth from these factors on the gains."""
+        gains, offsets = self.device.gains * factors, self.device.offsets
+        if self.anchor is not None:
+            offsets = offsets + (self.device.gains - gains) * self.anchor
+        _, found, *_ = _core.minimize(
+            self.device.mechanism, self.exact, offsets, gains, max_iterations=ITERATIONS
+        )
+        return bool(np.all(np.abs(found / self.device.gains - 1) < CLOSE))
 
 
 class Region(Record):
@@ -87,9 +87,7 @@ def convergence_equal(
     anchored: bool = False,
     low: float = 0.5,
     high: float = 1.5,
-    step: float = 0.005,
     islands: bool = True,
-    closures: Sequence[str] | None = None,
 ) -> Region:
     """Find the region of convergence when all gains are wrong by the same factor.
 
@@ -103,45 +101,27 @@ def convergence_equal(
         Start with offsets that hold at the rest pose, instead of the true offsets.
     low, high : float
         Lowest and highest factor that is tried.
-    step : float
-        Distance between the factors that are tried.
     islands : bool
         Walk on beyond the ends, up to `low` and `high`.
-    closures : sequence of str, optional
-        Closures that are used; all by default.
 
     Returns
     -------
     Region
         Edges bisected to 1e-4 of the gain.
     """
-    exact = exact_readings(device, poses)
-    anchor = _anchor(device) if anchored else None
-
-    def succeeds(factor: float) -> bool:
-        return converges(device, exact, factor, anchor=anchor, closures=closures)
-
-    ends = [edge(succeeds, limit, step=step) for limit in (low, high)]
+    succeed = Searches.of(device, poses, anchored).succeed
+    ends = [edge(succeed, limit, step=STEP) for limit in (low, high)]
     found: list[tuple[float, float]] = []
     for end, limit in zip(ends, (low, high), strict=True):
         if end.outside is None or not islands:
             continue
-        beyond = np.arange(end.outside, limit, np.copysign(step, limit - end.outside)).tolist()
-        good = [factor for factor in beyond if succeeds(factor)]
-        found += intervals(good, 1.5 * step)
+        beyond = np.arange(end.outside, limit, np.copysign(STEP, limit - end.outside)).tolist()
+        found += intervals([factor for factor in beyond if succeed(factor)], 1.5 * STEP)
     return Region(ends[0].inside, ends[1].inside, tuple(sorted(found)))
 
 
 def convergence_independent(
-    device: Device,
-    poses: npt.ArrayLike,
-    *,
-    anchored: bool = False,
-    trials: int = 200,
-    largest: float = 1.0,
-    seed: int = 0,
-    progress: Progress | None = None,
-    workers: int | None = None,
+    device: Device, poses: npt.ArrayLike, draws: Draws, *, anchored: bool = False
 ) -> FloatArray:
     """Find how far the gains may be wrong, each by an error of its own.
 
@@ -154,14 +134,10 @@ def convergence_independent(
         Device with the true parameters.
     poses : array_like, shape (n, 6)
         Poses that are visited without noise.
+    draws : Draws
+        Of the directions. Errors up to 1 are tried: a gain of zero, or twice the truth.
     anchored : bool
         Start with offsets that hold at the rest pose, instead of the true offsets.
-    trials, seed : int
-        Number of directions, and the seed they are drawn with.
-    largest : float
-        Largest error that is tried: 1 is a gain of zero, or twice the truth.
-    progress, workers
-        As in `run`.
 
     Returns
     -------
@@ -169,8 +145,7 @@ def convergence_independent(
         Largest relative gain error along each direction from which the method still converges;
         sorted.
     """
-    exact = exact_readings(device, poses)
-    anchor = _anchor(device) if anchored else None
+    searches = Searches.of(device, poses, anchored)
 
     def job(rng: np.random.Generator, size: int) -> list[float]:
         found = []
@@ -179,13 +154,12 @@ def convergence_independent(
             way /= np.abs(way).max()
 
             def succeeds(t: float, way: FloatArray = way) -> bool:
-                return converges(device, exact, 1 + (t - 1) * way, anchor=anchor)
+                return searches.succeed(1 + (t - 1) * way)
 
-            found.append(edge(succeeds, 1 + largest, step=0.02, width=1e-3).inside - 1)
+            found.append(edge(succeeds, 2.0, step=0.02, width=1e-3).inside - 1)
         return found
 
-    chunks = run(job, trials, seed, progress=progress, workers=workers, chunk=10)
-    return np.sort(np.concatenate(chunks))
+    return np.sort(np.concatenate(draws.run(job, chunk=10)))
 
 
 class Starts(Record):
@@ -207,13 +181,9 @@ def start_success(
     device: Device,
     poses: npt.ArrayLike,
     errors: Sequence[float],
+    draws: Draws,
     *,
     anchored: bool = False,
-    trials: int = 200,
-    seed: int = 0,
-    closures: Sequence[str] | None = None,
-    progress: Progress | None = None,
-    workers: int | None = None,
 ) -> list[Starts]:
     """Count how often the method converges from gains drawn uniformly about the truth.
 
@@ -225,7 +195,7 @@ def start_success(
         Poses that are visited without noise.
     errors : sequence of float
         Half-widths of the uniform distribution, as fractions.
-    anchored, trials, seed, closures, progress, workers
+    draws, anchored
         As in `convergence_independent`.
 
     Returns
@@ -233,23 +203,14 @@ def start_success(
     list of Starts
         One for each half-width; the same draws, scaled.
     """
-    exact = exact_readings(device, poses)
-    anchor = _anchor(device) if anchored else None
+    searches = Searches.of(device, poses, anchored)
 
     def job(rng: np.random.Generator, size: int) -> FloatArray:
         ways = rng.uniform(-1, 1, (size, len(device.gains)))
-        return np.array(
-            [
-                [
-                    converges(device, exact, 1 + e * w, anchor=anchor, closures=closures)
-                    for e in errors
-                ]
-                for w in ways
-            ],
-            dtype=np.float64,
-        )
+        hits = [[searches.succeed(1 + e * w) for e in errors] for w in ways]
+        return np.array(hits, dtype=np.float64)
 
-    hits = np.concatenate(run(job, trials, seed, progress=progress, workers=workers))
+    hits = np.concatenate(draws.run(job))
     return [Starts(e, Estimate.of(hits[:, k])) for k, e in enumerate(errors)]
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from html import escape
-
 from rsicalib.facts.records import Record
+from rsicalib.tabular import Told
 
 
 class Cell(Record):
@@ -91,7 +90,7 @@ class Misprint(Record):
     """The numbers alone."""
 
 
-class Paper(Record, repr=False):
+class Paper(Told, Record, repr=False):
     """Everything that the paper prints, computed again."""
 
     format: str
@@ -119,9 +118,6 @@ class Paper(Record, repr=False):
             f"<Paper: {len(self.tables)} tables, {len(self.misprints)} misprints, "
             f"{self.trials} trials, seed {self.seed}>"
         )
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.text())}</pre>"
 
     def text(self) -> str:
         """Every table and every misprint for people."""

@@ -62,5 +62,4 @@ def some_poses(paper: Printed) -> FloatArray:
 
 def joint_angles(poses: FloatArray) -> FloatArray:
     """Joint coordinates of poses by the core: shape (n, 9)."""
-    found: FloatArray = _core.rsi_angles(np.ascontiguousarray(poses))
-    return found
+    return _core.rsi_angles(np.ascontiguousarray(poses))

@@ -12,6 +12,7 @@ from rsicalib.reproduction import misprinted_tables as tables
 from rsicalib.reproduction.document import Misprint
 from rsicalib.reproduction.noise import NoiseCell, closed_loop_noise
 from rsicalib.reproduction.printed import Printed
+from rsicalib.reproduction.trials import Draws
 
 
 def misprints(
@@ -60,8 +61,8 @@ def table_ix(
     device, poses = paper.nominal, paper.closed_loop
 
     def found(noise: float, average: int, **how: Any) -> NoiseCell:
-        many: dict[str, Any] = {"trials": trials, "seed": seed}
-        return closed_loop_noise(device, poses, noise=noise, average=average, **many, **how)
+        draws = Draws(trials, seed)
+        return closed_loop_noise(device, poses, draws, noise=noise, average=average, **how)
 
     variance = [found(float(np.sqrt(v)), 2).offset.value for v in (1, 2, 4)]
     unrounded = found(1.0, 100, round_average=False).offset.value

@@ -12,7 +12,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.facts.records import Record
 from rsicalib.poses.devices import Device
 from rsicalib.reproduction.placing import exact_readings, placed
-from rsicalib.reproduction.trials import ITERATIONS, Estimate, Progress, rms, rms_of_rows, run
+from rsicalib.reproduction.trials import ITERATIONS, Draws, Estimate, rms, rms_of_rows
 
 
 class NoiseCell(Record):
@@ -41,15 +41,12 @@ def _cell(errors: Sequence[FloatArray]) -> NoiseCell:
 def closed_loop_noise(
     device: Device,
     poses: npt.ArrayLike,
+    draws: Draws,
     *,
     noise: float,
     average: int,
     placement: tuple[float, float] = (0.25, 0.25),
     round_average: bool = True,
-    trials: int = 1000,
-    seed: int = 0,
-    progress: Progress | None = None,
-    workers: int | None = None,
 ) -> NoiseCell:
     """Errors of the closed-loop method under noise: a cell of Table IX.
 
@@ -59,6 +56,8 @@ def closed_loop_noise(
         The truth, from which the search also starts.
     poses : array_like, shape (n, 6)
         Poses that the hand aims at.
+    draws : Draws
+        Same seed, same placements, whatever the noise.
     noise : float
         Standard deviation of one sample, in readings, before it is rounded; 0 for truncation.
     average : int
@@ -67,10 +66,6 @@ def closed_loop_noise(
         Standard deviation of where the hand puts the handle: length unit, rad.
     round_average : bool
         Round the average again, as an integer routine does; without it only samples are rounded.
-    trials, seed : int
-        Same seed, same placements, whatever the noise.
-    progress, workers
-        As in `run`.
 
     Returns
     -------
@@ -92,21 +87,18 @@ def closed_loop_noise(
         near = np.all(np.abs(found[:, 1] / device.gains - 1) < 0.5, axis=1)
         return np.where(near[:, None], rms_of_rows(found - start), np.nan)
 
-    return _cell(run(job, trials, seed, progress=progress, workers=workers))
+    return _cell(draws.run(job))
 
 
 def open_loop_noise(
     device: Device,
     poses: npt.ArrayLike,
+    draws: Draws,
     *,
     noise: float,
     average: int,
     angle_noise: float = 0.005,
     average_angles: bool = True,
-    trials: int = 1000,
-    seed: int = 0,
-    progress: Progress | None = None,
-    workers: int | None = None,
 ) -> NoiseCell:
     """Errors of the open-loop method (13) under noise: a cell of Table IX.
 
@@ -116,7 +108,7 @@ def open_loop_noise(
         The truth.
     poses : array_like, shape (n, 6)
         Poses of the fixture.
-    noise, average, trials, seed, progress, workers
+    draws, noise, average
         As in `closed_loop_noise`.
     angle_noise : float
         Standard deviation of the presumed joint coordinates [rad].
@@ -142,7 +134,7 @@ def open_loop_noise(
             errors[k] = rms(offsets - device.offsets), rms(gains - device.gains)
         return errors
 
-    return _cell(run(job, trials, seed, progress=progress, workers=workers))
+    return _cell(draws.run(job))
 
 
 def fixture_lines(readings: FloatArray, angles: FloatArray) -> tuple[FloatArray, FloatArray]:

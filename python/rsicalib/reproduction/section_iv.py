@@ -14,7 +14,7 @@ from rsicalib.reproduction.document import Cell, Row, Table
 from rsicalib.reproduction.noise import fixture_lines
 from rsicalib.reproduction.placing import placed
 from rsicalib.reproduction.study import NOISE, Study, pose_errors
-from rsicalib.reproduction.trials import Estimate, rms, run
+from rsicalib.reproduction.trials import Estimate, rms
 
 OPEN = "I: fixture, Table II"
 CLOSED = "II: closed loop, Table III"
@@ -64,8 +64,7 @@ def calibrations(study: Study) -> dict[str, Trials]:
         return found
 
     ways = [OPEN, CLOSED, BOTH, JIG, *(f"{PAIR}{name}" for name in names)]
-    told = study.told("section IV")
-    chunks = run(job, trials, study.seed, progress=told, workers=study.workers)
+    chunks = study.draws("section IV", trials).run(job)
     return {
         label: _judged(study, label, np.array([x for chunk in chunks for x in chunk[label]]), jig)
         for label in ways
@@ -123,14 +122,9 @@ def calibration_table(study: Study, calibrations: Mapping[str, Trials]) -> Table
     }
     rows = []
     for label, found in calibrations.items():
-        shown = printed.get(label, [None] * 5)
-        cells = found.cells()
-        rows.append(
-            Row(
-                label + (f" ({found.failed} failed)" if found.failed else ""),
-                tuple(Cell(e.value, p, e.sd) for e, p in zip(cells, shown, strict=False)),
-            )
-        )
+        shown = zip(found.cells(), printed.get(label, [None] * 5), strict=False)
+        failed = f" ({found.failed} failed)" if found.failed else ""
+        rows.append(Row(f"{label}{failed}", tuple(Cell(e.value, p, e.sd) for e, p in shown)))
     ratio = calibrations[JIG].cells()[0].value / calibrations[BOTH].cells()[0].value
     count = len(calibrations[OPEN].offsets)
     pairs = [t for label, t in calibrations.items() if label.startswith(PAIR)]

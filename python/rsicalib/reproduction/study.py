@@ -13,7 +13,7 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.poses.devices import Device
 from rsicalib.reproduction.printed import Printed
-from rsicalib.reproduction.trials import Progress, rms
+from rsicalib.reproduction.trials import Draws, Progress, rms
 
 NOISE = 1.0
 """Counts of noise assumed where section IV is simulated; Table IX starts there."""
@@ -62,9 +62,10 @@ class Study:
         error = self.numbers["poses"]["placement_error_rms"]
         return float(error["position_in"]), float(error["orientation_rad"])
 
-    def told(self, what: str) -> Progress:
-        """Return a function that passes on the progress of one experiment."""
-        return lambda done, of: self.say(what, done, of)
+    def draws(self, what: str, trials: int | None = None) -> Draws:
+        """Draw the trials of one experiment, whose progress is passed on under this name."""
+        told: Progress = lambda done, of: self.say(what, done, of)  # noqa: E731
+        return Draws(trials or self.trials, self.seed, told, self.workers)
 
 
 def pose_errors(

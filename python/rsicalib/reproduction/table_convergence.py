@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,49 +28,37 @@ def convergence(study: Study) -> Table:
     gain = float(nominal.gains[0]) * 1e3
     flat = poses * [1, 1, 0, 1, 1, 1]
     rows, islands = [], []
-    cases: list[tuple[str, FloatArray, bool, Sequence[float] | None]] = [
+    cases: list[tuple[str, FloatArray, bool, Sequence[float | None]]] = [
         ("Table III", poses, False, printed["closed_loop_poses"]),
         ("Table III with z = 0", flat, False, printed["closed_loop_poses_z0"]),
-        ("Table III, anchored at rest", poses, True, None),
-        ("Table III with z = 0, anchored at rest", flat, True, None),
+        ("Table III, anchored at rest", poses, True, (None, None)),
+        ("Table III with z = 0, anchored at rest", flat, True, (None, None)),
     ]
     for k, (label, where, anchored, shown) in enumerate(cases):
         study.say("convergence", k, len(cases) + 1)
         region = convergence_equal(nominal, where, anchored=anchored)
-        low, high = gain * region.high, gain * region.low
-        rows.append(
-            Row(
-                label,
-                (
-                    Cell(low, None if shown is None else shown[0]),
-                    Cell(high, None if shown is None else shown[1]),
-                ),
-            )
-        )
+        ends = gain * region.high, gain * region.low
+        rows.append(Row(label, tuple(map(Cell, ends, shown))))
         for first, last in region.islands:
             islands.append(f"{label}: also {gain * last:.3f} … {gain * first:.3f}")
     rng = np.random.default_rng(study.seed)
     sd = study.numbers["convergence"]["pose_perturbation_sd"]
     placement = (float(sd["position_in"]), float(sd["orientation_rad"]))
     count = 40
-    ends = []
+    by_hand = []
     for own in placed(nominal, poses, placement, rng, count):
         region = convergence_equal(nominal, _poses_of(nominal, own), islands=False)
-        ends.append([gain * region.high, gain * region.low])
-    estimates = [Estimate.of(column) for column in np.array(ends).T]
-    rows.append(
-        Row(
-            f"Table III placed by hand, mean of {count}",
-            tuple(Cell(e.value, None, e.sd) for e in estimates),
-        )
-    )
+        by_hand.append([gain * region.high, gain * region.low])
+    estimates = [Estimate.of(column) for column in np.array(by_hand).T]
+    cells = tuple(Cell(e.value, None, e.sd) for e in estimates)
+    rows.append(Row(f"Table III placed by hand, mean of {count}", cells))
     few = max(20, min(study.trials, 200))
     notes = list(islands)
     for anchored, words in ((False, "the paper's start"), (True, "anchored at rest")):
-        how: dict[str, Any] = {"anchored": anchored, "seed": study.seed, "workers": study.workers}
-        told = study.told(f"convergence, {words}")
-        far = convergence_independent(nominal, poses, trials=few, progress=told, **how)
-        rates = start_success(nominal, poses, (0.1, 0.2, 0.5), trials=few, **how)
+        draws = study.draws(f"convergence, {words}", few)
+        far = convergence_independent(nominal, poses, draws, anchored=anchored)
+        quiet = replace(draws, progress=None)
+        rates = start_success(nominal, poses, (0.1, 0.2, 0.5), quiet, anchored=anchored)
         shares = ", ".join(
             f"±{s.error:.0%} {s.rate.value:.0%} ± {s.rate.sd or 0:.0%}" for s in rates
         )
@@ -98,5 +86,4 @@ def convergence(study: Study) -> Table:
 
 
 def _poses_of(device: Device, exact: FloatArray) -> FloatArray:
-    found: FloatArray = _core.rsi_poses(np.ascontiguousarray(exact * device.gains + device.offsets))
-    return found
+    return _core.rsi_poses(np.ascontiguousarray(exact * device.gains + device.offsets))

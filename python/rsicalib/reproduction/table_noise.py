@@ -18,9 +18,7 @@ def table_ix(study: Study) -> tuple[Table, dict[str, float]]:
     rows, cells = [], {}
 
     def cell(of: Callable[..., NoiseCell], poses: FloatArray, name: str, **how: Any) -> NoiseCell:
-        told = study.told(f"Table IX, {name}")
-        how |= {"trials": study.trials, "seed": study.seed, "workers": study.workers}
-        return of(study.printed.nominal, poses, progress=told, **how)
+        return of(study.printed.nominal, poses, study.draws(f"Table IX, {name}"), **how)
 
     def row(kind: str, label: str, average: int, noise: int, found: NoiseCell) -> Row:
         table = printed[f"{kind}_average_{average}"]
@@ -59,13 +57,9 @@ def _noise_row(label: str, found: NoiseCell, printed: Sequence[float]) -> Row:
     off, gain = found.offset, found.gain
     if found.failed:
         label += f" ({found.failed} failed)"
-    return Row(
-        label,
-        (
-            Cell(off.value, printed[0], off.sd),
-            Cell(gain.value * 1e3, printed[1], None if gain.sd is None else gain.sd * 1e3),
-        ),
-    )
+    sd = None if gain.sd is None else gain.sd * 1e3
+    cells = Cell(off.value, printed[0], off.sd), Cell(gain.value * 1e3, printed[1], sd)
+    return Row(label, cells)
 
 
 def _level(noise: int) -> str:

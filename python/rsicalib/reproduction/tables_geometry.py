@@ -14,18 +14,13 @@ def table_i(study: Study) -> Table:
     """Table I: constants of the arms."""
     g = study.numbers["geometry"]
     plain = study.mechanism.to_dict()
-    dh = plain["chain"][0]["dh"]
-    printed_a = (g["l1"], g["l2"], 0.0, 0.0)
+    printed = {"a": (g["l1"], g["l2"], 0.0, 0.0), "d": (0.0,) * 4, "alpha": g["alpha"]}
     rows = [
         Row(
             f"j = {j}",
-            (
-                Cell(row.get("a", 0.0), printed_a[j]),
-                Cell(row.get("d", 0.0), 0.0),
-                Cell(row.get("alpha", 0.0), g["alpha"][j]),
-            ),
+            tuple(Cell(row.get(key, 0.0), of[j]) for key, of in printed.items()),
         )
-        for j, row in enumerate(dh)
+        for j, row in enumerate(plain["chain"][0]["dh"])
     ]
     rows += [
         Row(f"arm {i}: θi0", (Cell(chain["dh"][0]["theta"], g["theta_i0"][i - 1]),))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -58,63 +59,67 @@ class Estimate(Record):
         return cls(float(values.mean()), sd, count)
 
 
-def run(
-    job: Callable[[np.random.Generator, int], T],
-    trials: int,
-    seed: int,
-    *,
-    progress: Progress | None = None,
-    workers: int | None = None,
-    chunk: int = CHUNK,
-) -> list[T]:
-    """Run trials in chunks on all cores, in an order that nothing depends on.
+@dataclass(frozen=True)
+class Draws:
+    """How trials of an experiment are drawn.
 
-    Parameters
+    Attributes
     ----------
-    job : callable
-        Takes a generator of its own and the number of trials in its chunk.
     trials, seed : int
         How many in all; same seed, same results.
     progress : callable, optional
         Called with trials done and trials in all, from the calling thread.
     workers : int, optional
         Threads; as many as there are cores by default.
-    chunk : int
-        Number of trials in one job.
-
-    Returns
-    -------
-    list
-        What the jobs return, in the order of the chunks.
-
-    Notes
-    -----
-    Ctrl-C drops the chunks that have not begun and is raised again at once.
     """
-    if trials < 1:
-        raise InputError(f"trials: found {trials}, expected at least 1")
-    sizes = [min(chunk, trials - first) for first in range(0, trials, chunk)]
-    seeds = np.random.SeedSequence(seed).spawn(len(sizes))
-    workers = workers or available_cores()
-    results: dict[int, T] = {}
-    with ThreadPoolExecutor(max_workers=workers) as pool:
-        try:
-            waiting: dict[Future[T], int] = {
-                pool.submit(job, np.random.default_rng(own), size): k
-                for k, (own, size) in enumerate(zip(seeds, sizes, strict=True))
-            }
-            while waiting:
-                # With a timeout, since a wait without one cannot be interrupted everywhere.
-                done, _ = wait(waiting, timeout=0.5, return_when=FIRST_COMPLETED)
-                for future in done:
-                    k = waiting.pop(future)
-                    results[k] = future.result()
-                if progress is not None and done:
-                    progress(sum(sizes[k] for k in results), trials)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return [results[k] for k in range(len(sizes))]
+
+    trials: int
+    seed: int = 0
+    progress: Progress | None = None
+    workers: int | None = None
+
+    def run(self, job: Callable[[np.random.Generator, int], T], chunk: int = CHUNK) -> list[T]:
+        """Run the trials in chunks on all cores, in an order that nothing depends on.
+
+        Parameters
+        ----------
+        job : callable
+            Takes a generator of its own and the number of trials in its chunk.
+        chunk : int
+            Number of trials in one job.
+
+        Returns
+        -------
+        list
+            What the jobs return, in the order of the chunks.
+
+        Notes
+        -----
+        Ctrl-C drops the chunks that have not begun and is raised again at once.
+        """
+        if self.trials < 1:
+            raise InputError(f"trials: found {self.trials}, expected at least 1")
+        sizes = [min(chunk, self.trials - first) for first in range(0, self.trials, chunk)]
+        seeds = np.random.SeedSequence(self.seed).spawn(len(sizes))
+        results: dict[int, T] = {}
+        with ThreadPoolExecutor(max_workers=self.workers or available_cores()) as pool:
+            try:
+                waiting: dict[Future[T], int] = {
+                    pool.submit(job, np.random.default_rng(own), size): k
+                    for k, (own, size) in enumerate(zip(seeds, sizes, strict=True))
+                }
+                while waiting:
+                    # With a timeout, since a wait without one cannot be interrupted everywhere.
+                    done, _ = wait(waiting, timeout=0.5, return_when=FIRST_COMPLETED)
+                    for future in done:
+                        k = waiting.pop(future)
+                        results[k] = future.result()
+                    if self.progress is not None and done:
+                        self.progress(sum(sizes[k] for k in results), self.trials)
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+        return [results[k] for k in range(len(sizes))]
 
 
 def rms(values: FloatArray) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, overload
 
 from rsicalib.facts.shapes import Parameter, ResultShape, Step, TraceShape
 from rsicalib.labels import Labelled
@@ -11,11 +11,9 @@ from rsicalib.plain_text import meant, quoted
 from rsicalib.plots import bars, dots, on_axes
 from rsicalib.report.notebook import result_html
 from rsicalib.report.words import name_of
-from rsicalib.tabular import data_frame, polars_frame
+from rsicalib.tabular import Tabular
 
 if TYPE_CHECKING:
-    import pandas
-    import polars
     from matplotlib.axes import Axes
 
 
@@ -26,12 +24,15 @@ HIDDEN = 6
 """Effects that could hide which `plot("effects")` draws at the most."""
 
 
-class Interactive(ResultShape, eq=False, repr=False, kw_only=True):
+class Interactive(Tabular, ResultShape, eq=False, repr=False, kw_only=True):
     """Access to a result: as a row of `sqlite3`, by name and by number.
 
     `result["gain@a11"]` and `result[0]` are parameters, `keys()` are their names, and iteration
-    goes over the parameters themselves.
+    goes over the parameters themselves. A data frame of it is indexed by name, with `term`,
+    `target`, `parameter`, `value`, `sd`, the bounds `low` and `high` of 95 %, and `unit`.
     """
+
+    ROWS: ClassVar[str | None] = "name"
 
     def __post_init__(self) -> None:
         """Name the rows of the covariance, whose order is that of the parameters."""
@@ -87,26 +88,19 @@ class Interactive(ResultShape, eq=False, repr=False, kw_only=True):
     def __bool__(self) -> bool:
         return True  # also where nothing could be determined: ask for the verdict
 
-    def to_dataframe(self) -> pandas.DataFrame:
-        """Put the parameters into a data frame; needs pandas (`pip install rsicalib[pandas]`).
-
-        Returns
-        -------
-        pandas.DataFrame
-            Indexed by name, with `term`, `target`, `parameter`, `value`, `sd`, the bounds `low`
-            and `high` of 95 %, and `unit`.
-        """
-        return data_frame(parameter_columns(self.parameters), "name")
-
-    def to_polars(self) -> polars.DataFrame:
-        """Put the parameters into a data frame of Polars (`pip install polars`).
-
-        Returns
-        -------
-        polars.DataFrame
-            The columns of `to_dataframe`; the name is one of them.
-        """
-        return polars_frame(parameter_columns(self.parameters))
+    def _table(self) -> dict[str, list[Any]]:
+        bounds = [p.interval or (None, None) for p in self.parameters]
+        return {
+            "name": self.keys(),
+            "term": [p.term for p in self.parameters],
+            "target": [p.target for p in self.parameters],
+            "parameter": [p.name for p in self.parameters],
+            "value": [p.value for p in self.parameters],
+            "sd": [p.sd for p in self.parameters],
+            "low": [low for low, _ in bounds],
+            "high": [high for _, high in bounds],
+            "unit": [p.unit for p in self.parameters],
+        }
 
     def plot(self, kind: Kind | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the result; needs matplotlib (`pip install rsicalib[plot]`).
@@ -179,20 +173,4 @@ class Interactive(ResultShape, eq=False, repr=False, kw_only=True):
         return ax
 
     def _repr_html_(self) -> str:
-        return result_html(self, parameter_columns(self.parameters))
-
-
-def parameter_columns(parameters: Sequence[Parameter]) -> dict[str, list[Any]]:
-    """Parameters column by column."""
-    bounds = [p.interval or (None, None) for p in parameters]
-    return {
-        "name": [p.key for p in parameters],
-        "term": [p.term for p in parameters],
-        "target": [p.target for p in parameters],
-        "parameter": [p.name for p in parameters],
-        "value": [p.value for p in parameters],
-        "sd": [p.sd for p in parameters],
-        "low": [low for low, _ in bounds],
-        "high": [high for _, high in bounds],
-        "unit": [p.unit for p in parameters],
-    }
+        return result_html(self, self._table())

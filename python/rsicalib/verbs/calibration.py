@@ -12,11 +12,10 @@ from rsicalib.work.arguments import (
     MechanismArg,
     ReadingsArg,
     SessionsArg,
-    names_in,
     with_logs,
 )
 from rsicalib.work.job import Work
-from rsicalib.work.listening import ProgressArg, finished, listener
+from rsicalib.work.listening import ProgressArg, finished
 from rsicalib.work.outcome import NOTHING, DateArg, about
 from rsicalib.work.prior import PopulationArg
 
@@ -140,16 +139,8 @@ def calibrate(
     readings, mechanism = with_logs(readings, mechanism, skip_bad_rows, calibration)
     job = Work(mechanism, skip_bad_rows, calibration, about(device, note, date), population)
     job.take(readings, fit_groups, hold_out_groups)
-    options = {
-        "closures": names_in("closures", closures, job.mechanism),
-        "method": method,
-        "noise": job.noise(noise),
-        "progress": listener(progress),
-        "starts": starts,
-        "max_iterations": max_iterations,
-        "xtol": xtol,
-    }
-    session = job.session(rest, job.terms(terms), options)
+    search = {"method": method, "starts": starts, "max_iterations": max_iterations, "xtol": xtol}
+    session = job.asked(rest, terms, closures, noise, progress, search)
     known = job.known(check, check_point, (check_noise, check_noise_angle))
     beside = job.beside(known, align)
     try:

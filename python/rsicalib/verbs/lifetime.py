@@ -189,8 +189,9 @@ def _series(own: Sequence[Result], known: Sequence[tuple[int, int]], course: Cou
     """One parameter over time, with what it has done."""
     of = [own[result].parameters[number] for result, number in known]
     dates = [str(own[result].valid_from) for result, _ in known]
-    course = course or {}
-    level, level_sd = course.get("level", (None, None))
+    done = {"rate": None, "rate_sd": None, "p_value": None, **(course or {})}
+    level, level_sd = done.pop("level", (None, None))
+    jumps = done.pop("jumps", ())
     return Series(
         term=of[-1].term,
         target=of[-1].target,
@@ -199,18 +200,11 @@ def _series(own: Sequence[Result], known: Sequence[tuple[int, int]], course: Cou
         valid_from=tuple(dates),
         values=tuple(p.value for p in of if p.value is not None),
         sd=tuple(p.sd for p in of if p.sd is not None),
-        rate=course.get("rate"),
-        rate_sd=course.get("rate_sd"),
-        p_value=course.get("p_value"),
         place=of[-1].place,
-        kind=course.get("kind"),
-        jumps=tuple(
-            Jump(dates[j["from"]], j["value"], j["sd"], j["told"]) for j in course.get("jumps", ())
-        ),
+        jumps=tuple(Jump(dates[j["from"]], j["value"], j["sd"], j["told"]) for j in jumps),
         level=level,
         level_sd=level_sd,
-        scatter=course.get("scatter"),
-        wide=course.get("wide", 1.96),
+        **done,
     )
 
 

@@ -28,6 +28,7 @@ from rsicalib.work.arguments import (
     noise_of_channels,
     open_mechanism,
 )
+from rsicalib.work.listening import ProgressArg, listener
 from rsicalib.work.outcome import (
     beside_earlier,
     described,
@@ -136,6 +137,20 @@ class Work:
         """Standard deviation of one sample of each channel."""
         return noise_of_channels(noise, self.mechanism)
 
+    def asked(
+        self,
+        rest: ReadingsArg | None,
+        terms: Sequence[str] | None,
+        closures: Sequence[str] | None,
+        noise: float | Mapping[str, float] | None,
+        progress: ProgressArg | None,
+        search: Mapping[str, Any],
+    ) -> _core.Session:
+        """The session as the options of a verb ask for it; `search` is handed on."""
+        chosen = {"closures": names_in("closures", closures, self.mechanism)}
+        options = {**chosen, "noise": self.noise(noise), "progress": listener(progress), **search}
+        return self.session(rest, self.terms(terms), options)
+
     def session(
         self,
         rest: ReadingsArg | None,
@@ -207,8 +222,7 @@ class Work:
     def error(self, known: Known, result: Result | None, align: bool) -> dict[str, Any]:
         """Error of a result on check poses."""
         applied = as_applied(result, self.mechanism)
-        error: dict[str, Any] = _core.check(self.mechanism, applied, known, align=align)
-        return error
+        return _core.check(self.mechanism, applied, known, align=align)
 
     def nominal_error(self, known: Known, *, align: bool) -> dict[str, Any]:
         """Error of the mechanism as it is declared."""
