@@ -6,6 +6,7 @@ import hashlib
 import json
 from typing import Any
 
+from rsicalib._core import Mechanism
 from rsicalib.facts.records import plain
 from rsicalib.facts.shapes import ResultShape
 
@@ -27,6 +28,30 @@ def digest_of_numbers(result: ResultShape) -> str:
     }
     text = json.dumps(_as_floats(plain(parts)), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+DRAWN = ("channel", "chain", "point", "plane", "line", "frame", "closure", "platform", "gravity")
+"""What a mechanism file says of how a machine is made."""
+
+KNOWN = ("label", "range", "limits", "noise", "sd")
+"""What says how well that is known, how far it goes or what people call it."""
+
+
+def digest_of_drawing(mechanism: Mechanism) -> str:
+    """SHA-256 of how a mechanism is drawn: two with one name may be two machines.
+
+    Noise, ranges, terms and what people call things do not count.
+    """
+    drawn = mechanism.to_dict()
+    parts = {key: _without_known(plain(drawn[key])) for key in DRAWN if key in drawn}
+    text = json.dumps(_as_floats(parts), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _without_known(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_known(own) for key, own in value.items() if key not in KNOWN}
+    return [_without_known(own) for own in value] if isinstance(value, list | tuple) else value
 
 
 def _as_floats(value: Any) -> Any:

@@ -40,6 +40,7 @@ from rsicalib.work.arguments import (
     earlier_result,
     mechanism_beside,
     open_mechanism,
+    redrawn,
 )
 
 PLACES, SEED, POSES = 200, 1, 6
@@ -109,6 +110,9 @@ def certify(
     mechanism = mechanism_beside(mechanism, result)
     opened = open_mechanism(mechanism)
     earlier, opened = earlier_result(result, opened)
+    if redrawn(earlier, opened):
+        found = f"{opened.name!r} drawn otherwise than when {earlier.called} was made"
+        raise InputError(f"mechanism: found {found}, expected the drawing that was traced")
     quantity, size, unit = _limit(limit, opened)
     table, places = _places(earlier, opened, at)
     found = _core.certify(

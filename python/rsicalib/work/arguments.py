@@ -12,6 +12,7 @@ import numpy as np
 from rsicalib import _core, options
 from rsicalib._core import Mechanism, Term
 from rsicalib.errors import InputError, InputTypeError, tell
+from rsicalib.facts.digest import digest_of_drawing
 from rsicalib.facts.warned import Warned
 from rsicalib.imports.kinds import format_of
 from rsicalib.imports.log import Log
@@ -99,12 +100,25 @@ def earlier_result(
     refuse_other_units(result, extended, where)
     if result.verdict == "implausible":
         tell(f"{result.called} is implausible: nothing that follows from it can be relied on")
+    if redrawn(result, mechanism):
+        words = (
+            f"{mechanism.name!r} is drawn otherwise than when {result.called} was made: what "
+            "follows from both is of neither; identify again"
+        )
+        tell(words)
+        if warned is not None:
+            warned.append(Warned("redrawn", None, words))
     said = edits(result, extended)
     if said is not None:
         tell(said)
         if warned is not None:
             warned.append(Warned("edited", None, said))
     return result, extended
+
+
+def redrawn(result: Result, mechanism: Mechanism) -> bool:
+    """Whether a mechanism is drawn otherwise than that of a result, as far as the result tells."""
+    return result.drawing not in (None, digest_of_drawing(mechanism))
 
 
 def _with_laws(mechanism: Mechanism, result: Result) -> Mechanism:

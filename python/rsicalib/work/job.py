@@ -9,6 +9,7 @@ from typing import Any
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError, InputTypeError, UndeterminedError
+from rsicalib.facts.digest import digest_of_drawing
 from rsicalib.facts.shapes import Parameter
 from rsicalib.facts.warned import Warned
 from rsicalib.io.frames import in_memory
@@ -241,6 +242,7 @@ class Work:
             "made_from": self.mechanism,
             "length_unit": self.mechanism.length_unit,
             **self.about,
+            "drawing": digest_of_drawing(self.mechanism),
             "readings": described(readings),
             **found,
             "warnings": [

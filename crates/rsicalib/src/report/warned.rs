@@ -134,6 +134,8 @@ pub enum Kind {
     OpenLoops,
     /// Numbers of the earlier result were edited.
     Edited,
+    /// The mechanism is drawn otherwise than when an earlier result was made.
+    Redrawn,
     /// Offsets that were asked for stay as drawn.
     AsDrawn,
     /// Rows are left out, since a delay puts them beyond the end of the recording.
