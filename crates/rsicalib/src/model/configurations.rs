@@ -45,6 +45,10 @@ const STEPS: usize = 60;
 /// Rounds of drawing, each twice what is missing.
 const ROUNDS: usize = 40;
 
+/// Configurations taken out for each that is asked for, after which nothing more is drawn. Half of one is enough where a tenth of
+/// what is asked for has been found.
+const MOST_APART: usize = 8;
+
 /// Rounds after which nothing more is drawn for keys of which none has closed, if so many were drawn as all rounds
 /// draw for one. Of twenty draws for each that is asked for none has closed.
 const HOPELESS: usize = 10;
@@ -282,7 +286,7 @@ impl Configurations {
         under: &Under<'_>,
         keep: &mut Keep<'_>,
     ) -> Result<Readings, Error> {
-        let mut apart = 0;
+        let (mut apart, asked) = (0, each * self.keys.len());
         let mut found: Vec<Vec<Closed>> = vec![Vec::new(); self.keys.len()];
         for round in 0..ROUNDS {
             let missing = |(key, found): (usize, &Vec<Closed>)| {
@@ -290,7 +294,10 @@ impl Configurations {
                 std::iter::repeat_n(key, if hopeless { 0 } else { 2 * (each - found.len()) })
             };
             let wanted: Vec<usize> = found.iter().enumerate().flat_map(missing).collect();
-            if wanted.is_empty() {
+            let kept = found.iter().map(Vec::len).sum::<usize>();
+            let few = 10 * kept < asked;
+            let tried = if few { MOST_APART * asked } else { asked.div_ceil(2) };
+            if wanted.is_empty() || apart >= tried.max(1) {
                 break;
             }
             let mut drawn = self.close(&wanted, random, under)?;
@@ -306,7 +313,7 @@ impl Configurations {
                 found[*key].extend(closed);
             }
         }
-        let (kept, asked) = (found.iter().map(Vec::len).sum::<usize>(), each * self.keys.len());
+        let kept = found.iter().map(Vec::len).sum::<usize>();
         if kept == 0 && apart > 0 {
             return Err(Error::Mechanism {
                 place: quoted(&self.free.name),
@@ -532,6 +539,19 @@ impl Configurations {
             None => [f64::NEG_INFINITY, f64::INFINITY],
         };
         units.iter().enumerate().map(of).collect()
+    }
+
+    /// A whole turn of each in these units; zero where it does not turn, or only so far.
+    pub(crate) fn turns(&self, units: &[f64]) -> Vec<f64> {
+        let free = |c: usize| {
+            let turns = self.free.moves_joint(c) && !self.free.slides(c);
+            turns && !self.declared[c]
+        };
+        let turn = |(c, unit): (usize, &f64)| match c < self.spread.len() && free(c) {
+            true => 2.0 * std::f64::consts::PI / (self.free.channels[c].gain.abs() * unit),
+            false => 0.0,
+        };
+        units.iter().enumerate().map(turn).collect()
     }
 
     /// Which of the combinations of keys a row of readings has.

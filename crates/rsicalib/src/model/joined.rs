@@ -37,10 +37,10 @@ const LONGEST: f64 = 0.25;
 const SHORTEST: f64 = 0.01;
 
 /// Steps of one path, those that fail as well.
-const STEPS: usize = 60;
+const STEPS: usize = 30;
 
 /// Newton steps after each of them.
-const CORRECTIONS: usize = 4;
+const CORRECTIONS: usize = 3;
 
 /// Newton steps of a configuration where the mechanism has been.
 const SETTLING: usize = 20;
@@ -61,7 +61,7 @@ const ALONG: f64 = 0.1;
 const NEAREST: usize = 8;
 
 /// Paths that are looked for from one group of joined configurations to others.
-const ROUNDS: usize = 16;
+const ROUNDS: usize = 6;
 
 /// Configurations that are joined to one another at a time.
 const TOGETHER: usize = 1024;
@@ -74,12 +74,6 @@ const BEEN: usize = 64;
 struct Place {
     key: usize,
     at: Vec<f64>,
-}
-
-impl Place {
-    fn far(&self, other: &Self) -> f64 {
-        self.at.iter().zip(&other.at).map(|(a, b)| (a - b).powi(2)).sum()
-    }
 }
 
 /// The loops of a mechanism at work, and where it has been.
@@ -97,6 +91,8 @@ pub(crate) struct Joined {
     units: Vec<f64>,
     /// Lowest and highest value of each coordinate, in its steps.
     limits: Vec<[f64; 2]>,
+    /// What each coordinate may differ by at one place: whole turns of a joint without limits.
+    turns: Vec<f64>,
     been: Vec<Place>,
 }
 
@@ -126,6 +122,7 @@ impl Joined {
             blocks: own.lane_of_rows().into_iter().map(|(block, _)| block).collect(),
             keyed: model.closures.iter().any(|c| c.unknowns().next().is_some()),
             sizes: configurations.sizes(&model),
+            turns: configurations.turns(&units),
             limits: configurations.ends(&units),
             units,
             readings: own,
@@ -231,7 +228,7 @@ impl Joined {
     fn neighbours(&self, all: &[Place], first: usize) -> Vec<Vec<(f64, usize)>> {
         workers::map(first..all.len(), |a| {
             let other = |b: &usize| *b != a && !(self.keyed && all[*b].key != all[a].key);
-            let far = |b: usize| (all[a].far(&all[b]), b);
+            let far = |b: usize| (self.far(&all[a].at, &all[b].at), b);
             let mut near: Vec<(f64, usize)> = (0..all.len()).filter(other).map(far).collect();
             let nearer =
                 |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
@@ -242,6 +239,20 @@ impl Joined {
             near.sort_unstable_by(nearer);
             near
         })
+    }
+
+    /// A way to a place, without whole turns.
+    fn way(&self, from: &[f64], goal: &[f64]) -> impl Iterator<Item = f64> {
+        let ways = goal.iter().zip(from).zip(&self.turns);
+        ways.map(|((goal, from), turn)| {
+            let way = goal - from;
+            if *turn > 0.0 { way - turn * (way / turn).round() } else { way }
+        })
+    }
+
+    /// Square of the length of that way.
+    fn far(&self, from: &[f64], goal: &[f64]) -> f64 {
+        self.way(from, goal).map(|way| way * way).sum()
     }
 
     /// Which of the paths between these places arrive.
@@ -270,6 +281,8 @@ impl Joined {
         let starts = self.settle(block, starts, CORRECTIONS, &mut ws);
         let mut walks: Vec<Walk<'_>> = Vec::with_capacity(ways.len());
         for ((from, goal), start) in ways.into_iter().zip(starts) {
+            let goal = from.iter().zip(self.way(from, goal)).map(|(from, way)| from + way);
+            let goal = goal.collect();
             walks.push(Walk { from, goal, here: start, step: LONGEST, arrived: false });
         }
         for _ in 0..STEPS {
@@ -453,7 +466,7 @@ impl Groups {
 /// One path.
 struct Walk<'a> {
     from: &'a [f64],
-    goal: &'a [f64],
+    goal: Vec<f64>,
     /// Where it is; none where it cannot begin.
     here: Option<(Vec<f64>, Stiff)>,
     step: f64,
@@ -484,7 +497,7 @@ impl Walk<'_> {
         let part = if last { 1.0 } else { self.step / far };
         let along: Vec<f64> =
             here.iter().zip(free.iter()).map(|(h, free)| h + part * free).collect();
-        let trial = if last { self.goal.to_vec() } else { along.clone() };
+        let trial = if last { self.goal.clone() } else { along.clone() };
         Some(Next { along, trial, last })
     }
 
