@@ -47,7 +47,7 @@ const ROUNDS: usize = 40;
 
 /// Configurations taken out for each that is asked for, after which nothing more is drawn. Half of one is enough where a tenth of
 /// what is asked for has been found.
-const MOST_APART: usize = 8;
+const MOST_APART: usize = 2;
 
 /// Rounds after which nothing more is drawn for keys of which none has closed, if so many were drawn as all rounds
 /// draw for one. Of twenty draws for each that is asked for none has closed.
