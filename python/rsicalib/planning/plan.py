@@ -97,7 +97,8 @@ def plan(
 ) -> Plan:
     """Choose poses that decide what a session left open, or that make the platform certain.
 
-    Candidates are drawn from a box, within reach, joint limits and ranges. Beside a result, poses
+    Candidates are drawn from a box, within reach, joint limits and ranges, or among the
+    configurations that a path of closed ones joins to those visited already. Beside a result, poses
     are chosen under its model by eqs. (93) to (96) of `docs/model.md`, one after the other with a
     round of exchange. Without one, offsets and gains alone are unknown: from several starts, poses
     are exchanged for candidates until no exchange helps, and the best plan is kept. In a box, the

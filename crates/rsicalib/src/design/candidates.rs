@@ -4,12 +4,16 @@
 //! (8) whatever is estimated; the sensors of the estimate are then inverted. Elsewhere, random
 //! configurations are closed under the estimate.
 
+use nalgebra::Vector3;
+
 use crate::Error;
 use crate::apply::poses::poses_of;
 use crate::design::linearised::Linearised;
 use crate::design::reach::{has_closed_form, inverse};
 use crate::mechanism::{Channel, Mechanism};
-use crate::model::configurations::Configurations;
+use crate::model::assembly::placed;
+use crate::model::configurations::{Configurations, Under};
+use crate::model::joined::Joined;
 use crate::model::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::numerics::random::Random;
@@ -28,6 +32,9 @@ const FROM_RANGE: f64 = 0.005;
 
 /// A pose is struck off with all poses within this share of what the channels go through.
 const NEAR: f64 = 0.05;
+
+/// Configurations among which the one as drawn is looked for.
+const DRAWN: usize = 64;
 
 /// Fewest candidates of a plan.
 const FEWEST: usize = 20;
@@ -332,7 +339,13 @@ impl Space<'_> {
             let beta = at.beta_of(&columns);
             Ok((model, beta))
         };
-        let readings = configurations.closed_by(each, random, &under)?;
+        let readings = match &mut self.joined(&configurations, &under)? {
+            None => configurations.closed_by(each, random, &under)?,
+            Some(joined) => {
+                let mut keep = |keys: &[usize], drawn: &mut [_]| joined.keep(keys, drawn);
+                configurations.closed_where(each, random, &under, &mut keep)?
+            }
+        };
         let poses = if mechanism.platform.is_empty() {
             Vec::new()
         } else {
@@ -350,6 +363,32 @@ impl Space<'_> {
         }))
     }
 
+    /// Where the mechanism has been: in the poses of the session or, before one, as it is drawn. None where all
+    /// configurations are as good: nothing closes a loop but what is touched.
+    fn joined(
+        &self,
+        configurations: &Configurations,
+        under: &Under<'_>,
+    ) -> Result<Option<Joined>, Error> {
+        let (at, session) = (self.at, self.at.session);
+        let mechanism = &at.model.mechanism;
+        if session.weights.iter().any(|weight| *weight > 0.0) {
+            let been = (&at.model, &*session.readings, &at.beta[..]);
+            return Joined::new(configurations, under, been, &session.weights);
+        }
+        if mechanism.platform.is_empty() {
+            return Ok(None);
+        }
+        let drawn = configurations.closed_by(DRAWN, &mut Random::new(0), under)?;
+        let (model, beta) = under(&drawn)?;
+        let poses = poses_of(&model, &drawn, &beta, &at.noise);
+        let off: Vec<f64> = poses.iter().map(|pose| from_drawn(mechanism, pose)).collect();
+        let nearest = (0..off.len()).min_by(|&a, &b| off[a].total_cmp(&off[b]));
+        let weights: Vec<f64> =
+            (0..off.len()).map(|row| f64::from(u8::from(Some(row) == nearest))).collect();
+        Joined::new(configurations, under, (&model, &drawn, &beta), &weights)
+    }
+
     /// A table of so many poses that are read after a session: with its last temperature and session.
     fn still(&self, table: Table, rows: usize) -> Table {
         let session = &self.at.session.readings;
@@ -363,6 +402,20 @@ impl Space<'_> {
             ..table
         }
     }
+}
+
+/// How far a pose is from the one at rest, square of the distances of its points; without one, from a
+/// pose that is turned as the platform is drawn.
+fn from_drawn(mechanism: &Mechanism, pose: &[f64; 6]) -> f64 {
+    let rest = mechanism.rest.as_ref().map(|rest| rest.pose);
+    let there = placed(mechanism, &rest.unwrap_or_default());
+    let ways = placed(mechanism, pose).into_iter().zip(there).map(|((_, a), (_, b))| a - b);
+    let ways: Vec<Vector3<f64>> = ways.collect();
+    let moved = match rest {
+        Some(_) => Vector3::zeros(),
+        None => ways.iter().sum::<Vector3<f64>>() / ways.len() as f64,
+    };
+    ways.iter().map(|way| (way - moved).norm_squared()).sum()
 }
 
 /// Half of the poses from the inside of the box, half from its faces: the best are extreme ones.

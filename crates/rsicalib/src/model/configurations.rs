@@ -45,6 +45,10 @@ const STEPS: usize = 60;
 /// Rounds of drawing, each twice what is missing.
 const ROUNDS: usize = 40;
 
+/// Configurations taken out for each that is asked for, after which nothing more is drawn. Half of one is enough where a tenth of
+/// what is asked for has been found.
+const MOST_APART: usize = 2;
+
 /// Rounds after which nothing more is drawn for keys of which none has closed, if so many were drawn as all rounds
 /// draw for one. Of twenty draws for each that is asked for none has closed.
 const HOPELESS: usize = 10;
@@ -60,6 +64,12 @@ type Placed = (Thing, Vec<String>, Vec<f64>);
 
 /// The model of readings, and its parameters.
 pub(crate) type Under<'a> = dyn Fn(&Readings) -> Result<(Model, Vec<f64>), Error> + 'a;
+
+/// Takes out some of the configurations with these keys, and says how many.
+pub(crate) type Keep<'a> = dyn FnMut(&[usize], &mut [Option<Closed>]) -> usize + 'a;
+
+/// What is said of a configuration that a path joins to where a mechanism has been.
+const JOINED: &str = "joined by a path to where the mechanism is known to have been";
 
 /// Where the joints of a mechanism may be, and which unknown points its tips may touch.
 #[derive(Debug)]
@@ -264,6 +274,19 @@ impl Configurations {
         random: &mut Random,
         under: &Under<'_>,
     ) -> Result<Readings, Error> {
+        self.closed_where(each, random, under, &mut |_, _| 0)
+    }
+
+    /// As [`Configurations::closed_by`], of those that `keep` leaves where they are: it says how many it has
+    /// taken out.
+    pub(crate) fn closed_where(
+        &self,
+        each: usize,
+        random: &mut Random,
+        under: &Under<'_>,
+        keep: &mut Keep<'_>,
+    ) -> Result<Readings, Error> {
+        let (mut apart, asked) = (0, each * self.keys.len());
         let mut found: Vec<Vec<Closed>> = vec![Vec::new(); self.keys.len()];
         for round in 0..ROUNDS {
             let missing = |(key, found): (usize, &Vec<Closed>)| {
@@ -271,18 +294,34 @@ impl Configurations {
                 std::iter::repeat_n(key, if hopeless { 0 } else { 2 * (each - found.len()) })
             };
             let wanted: Vec<usize> = found.iter().enumerate().flat_map(missing).collect();
-            if wanted.is_empty() {
+            let kept = found.iter().map(Vec::len).sum::<usize>();
+            let few = 10 * kept < asked;
+            let tried = if few { MOST_APART * asked } else { asked.div_ceil(2) };
+            if wanted.is_empty() || apart >= tried.max(1) {
                 break;
             }
-            for (key, closed) in wanted.iter().zip(self.close(&wanted, random, under)?) {
-                let own = &mut found[*key];
-                if let Some(closed) = closed.filter(|_| own.len() < each) {
-                    own.push(closed);
+            let mut drawn = self.close(&wanted, random, under)?;
+            let mut room: Vec<usize> = found.iter().map(|found| each - found.len()).collect();
+            for (key, closed) in wanted.iter().zip(&mut drawn).filter(|(_, c)| c.is_some()) {
+                match room[*key].checked_sub(1) {
+                    Some(left) => room[*key] = left,
+                    None => *closed = None,
                 }
             }
+            apart += keep(&wanted, &mut drawn);
+            for (key, closed) in wanted.iter().zip(drawn) {
+                found[*key].extend(closed);
+            }
         }
-        let (kept, asked) = (found.iter().map(Vec::len).sum::<usize>(), each * self.keys.len());
-        if 4 * kept < 3 * asked {
+        let kept = found.iter().map(Vec::len).sum::<usize>();
+        if kept == 0 && apart > 0 {
+            return Err(Error::Mechanism {
+                place: quoted(&self.free.name),
+                found: format!("{apart} random configurations that close, none of them {JOINED}"),
+                expected: self.wanted(),
+            });
+        }
+        if 4 * (kept + apart) < 3 * asked {
             return Err(Error::Mechanism {
                 place: quoted(&self.free.name),
                 found: format!("{kept} of {asked} random configurations that close"),
@@ -397,7 +436,7 @@ impl Configurations {
         let known: Vec<usize> = model
             .closures
             .iter()
-            .filter(|c| c.column.is_none() && seen(c).is_none())
+            .filter(|c| closes(c))
             .flat_map(|c| c.equation..c.equation + c.equations())
             .collect();
         let mut ws = Workspace::default();
@@ -433,7 +472,8 @@ impl Configurations {
             let closed = largest(&misclosure(&ws, lane)) < CLOSED
                 && self.within(&values, &mut at[self.spread.len()..].iter().map(|a| a.0[lane]));
             let distances = measured(model, readings, block, beta, &ws, lane);
-            (meta.rows[lane], closed.then_some(Closed { values, distances }))
+            let places = at[self.spread.len()..].iter().map(|a| a.0[lane]).collect();
+            (meta.rows[lane], closed.then_some(Closed { values, places, distances }))
         };
         (0..meta.live).map(lane).collect()
     }
@@ -449,10 +489,7 @@ impl Configurations {
         at: &mut [Lanes],
     ) {
         let (channels, places) = (self.spread.len(), ws.xi.len());
-        let per_step = |c: usize| match c < channels {
-            true => self.spread[c] / self.free.channels[c].gain,
-            false => self.reach,
-        };
+        let per_step = |c: usize| self.per_step(c);
         let g = Mat::from_fn(known.len(), channels + places, |i, c| {
             let by = match c < channels {
                 true => ws.a[known[i] * channels + c],
@@ -465,6 +502,63 @@ impl Configurations {
         for (c, step) in step.iter().enumerate() {
             at[c].0[lane] -= step * shrink * per_step(c);
         }
+    }
+
+    /// What a step of one is for a reading, or for what is unknown in one pose alone.
+    fn per_step(&self, c: usize) -> f64 {
+        match c < self.spread.len() {
+            true => self.spread[c] / self.free.channels[c].gain,
+            false => self.reach,
+        }
+    }
+
+    /// Steps of about one of each reading, and of what is unknown in one pose alone.
+    pub(crate) fn units(&self, model: &Model) -> Vec<f64> {
+        let channels = self.spread.len();
+        let turns = model.posed.turns();
+        let of = |c: usize| match c >= channels && turns.contains(&(c - channels)) {
+            true => 1.0,
+            false => self.per_step(c).abs(),
+        };
+        (0..model.stride()).map(of).collect()
+    }
+
+    /// Lowest and highest of each in these units, where the file or a session tells them.
+    pub(crate) fn ends(&self, units: &[f64]) -> Vec<[f64; 2]> {
+        let shown = self.shown.as_ref();
+        let span = |c: usize| match self.free.channels.get(c) {
+            None => shown.and_then(|shown| shown.places.get(c - self.spread.len()).copied()),
+            Some(channel) => {
+                let told = self.declared[c] || shown.is_some_and(|s| s.channels[c].is_some());
+                let ends = self.limits[c].map(|end| (end - channel.offset) / channel.gain);
+                told.then_some([ends[0].min(ends[1]), ends[0].max(ends[1])])
+            }
+        };
+        let of = |(c, unit): (usize, &f64)| match span(c) {
+            Some(span) => span.map(|end| end / unit),
+            None => [f64::NEG_INFINITY, f64::INFINITY],
+        };
+        units.iter().enumerate().map(of).collect()
+    }
+
+    /// A whole turn of each in these units; zero where it does not turn, or only so far.
+    pub(crate) fn turns(&self, units: &[f64]) -> Vec<f64> {
+        let free = |c: usize| {
+            let turns = self.free.moves_joint(c) && !self.free.slides(c);
+            turns && !self.declared[c]
+        };
+        let turn = |(c, unit): (usize, &f64)| match c < self.spread.len() && free(c) {
+            true => 2.0 * std::f64::consts::PI / (self.free.channels[c].gain.abs() * unit),
+            false => 0.0,
+        };
+        units.iter().enumerate().map(turn).collect()
+    }
+
+    /// Which of the combinations of keys a row of readings has.
+    pub(crate) fn key_of(&self, readings: &Readings, row: usize) -> Option<usize> {
+        let (block, _) = readings.lane_of_rows()[row];
+        let own = readings.groups.get(readings.blocks()[block].group)?;
+        self.keys.iter().position(|keys| keys == own)
     }
 
     /// True within the limits of the joints, and what a session shows. Without a session what is on no joint
@@ -542,10 +636,24 @@ pub(crate) fn linear(model: &Model, readings: &Readings, beta: &[f64]) -> (Vec<f
 
 /// A configuration in which the loops are closed.
 #[derive(Debug, Clone)]
-struct Closed {
+pub(crate) struct Closed {
     values: Vec<f64>,
+    /// What is unknown in one pose alone.
+    places: Vec<f64>,
     /// What the columns of measured distances hold.
     distances: Vec<f64>,
+}
+
+impl Closed {
+    /// Readings, and after them what is unknown in one pose alone.
+    pub(crate) fn coordinates(&self) -> impl Iterator<Item = f64> {
+        self.values.iter().chain(&self.places).copied()
+    }
+}
+
+/// True for a closure that closes a configuration: what is measured beside it is computed afterwards.
+pub(crate) fn closes(closure: &CompiledClosure) -> bool {
+    closure.column.is_none() && seen(closure).is_none()
 }
 
 /// How far a known distance is off [length], with its slopes.

@@ -12,6 +12,7 @@ mod ends;
 mod evaluation;
 mod hanging;
 mod instance;
+pub(crate) mod joined;
 pub(crate) mod known;
 mod law_at;
 mod laws;
