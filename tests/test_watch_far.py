@@ -17,21 +17,24 @@ NOISE = 0.01
 ROWS, CHANGE = 3000, 1000
 
 
+def session(rng: np.random.Generator, offsets: NDArray[np.float64]) -> rsicalib.Readings:
+    """Forty poses of the workspace."""
+    half = np.array([40.0, 40.0, 30.0, 0.25, 0.25, 0.25])
+    poses = np.asarray(REST) + half * rng.uniform(-1.0, 1.0, (40, 6))
+    read = angles(poses) - offsets + NOISE * rng.standard_normal((40, 9))
+    return rsicalib.Readings.from_arrays(machine(), read, pose=np.arange(1, 41))
+
+
 def at_work(seed: int) -> tuple[rsicalib.Monitor, NDArray[np.float64]]:
     """A watch of a calibrated device, and readings of a sound one at work."""
     rng = np.random.default_rng([905, seed])
     offsets = rng.normal(0.0, 0.5, 9)
 
-    def read(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        return angles(poses) - offsets + NOISE * rng.standard_normal((len(poses), 9))
-
-    half = np.array([40.0, 40.0, 30.0, 0.25, 0.25, 0.25])
-    poses = np.asarray(REST) + half * rng.uniform(-1.0, 1.0, (40, 6))
     drawn = machine()
-    session = rsicalib.Readings.from_arrays(drawn, read(poses), pose=np.arange(1, 41))
-    found = rsicalib.calibrate(session, drawn, noise=dict.fromkeys(NAMES, NOISE))
+    found = rsicalib.calibrate(session(rng, offsets), drawn, noise=dict.fromkeys(NAMES, NOISE))
     assert found.verdict == "adequate"
-    return rsicalib.Monitor(found, drawn), read(moved(ROWS, rng))
+    rows = angles(moved(ROWS, rng)) - offsets + NOISE * rng.standard_normal((ROWS, 9))
+    return rsicalib.Monitor(found, drawn), rows
 
 
 def seconds(rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -83,3 +86,24 @@ def test_cables_that_are_exchanged_are_no_bent_link(seed: int) -> None:
     assert alarms and CHANGE <= alarms[0].row < CHANGE + 20
     # Whatever is said, nothing is moved by more than the machine is large (mm, rad).
     assert all(abs(alarm.size) < 300.0 for alarm in alarms if alarm.unit != "alarms")
+
+
+@pytest.mark.parametrize("degrees", [4.0, 20.0, -57.0, 120.0])
+@pytest.mark.parametrize("seed", range(sized(2, 12)))
+def test_a_sensor_that_was_replaced_between_two_sessions_is_what_has_changed(
+    degrees: float, seed: int
+) -> None:
+    rng = np.random.default_rng([906, seed])
+    offsets, channel = rng.normal(0.0, 0.5, 9), (4 * seed + int(abs(degrees)) // 20) % 9
+    noise = dict.fromkeys(NAMES, NOISE)
+    before = rsicalib.calibrate(session(rng, offsets), machine(), noise=noise)
+    offsets[channel] += degrees
+    later = session(rng, offsets)
+    after = rsicalib.calibrate(later, machine(), noise=noise, calibration=before)
+    assert after.verdict == "adequate"
+    update = after.update
+    assert update is not None and update.worth, update
+    assert [(one.term, one.target) for one in update.changes] == [("offset", NAMES[channel])]
+    (one,) = update.changes
+    assert abs(one.size - np.radians(degrees)) < 5 * one.sd
+    assert [moved.target for moved in after.moved or ()] == [NAMES[channel]]

@@ -111,8 +111,8 @@ def certify(
     opened = open_mechanism(mechanism)
     earlier, opened = earlier_result(result, opened)
     if redrawn(earlier, opened):
-        found = f"{opened.name!r} drawn otherwise than when {earlier.called} was made"
-        raise InputError(f"mechanism: found {found}, expected the drawing that was traced")
+        other = f"{opened.name!r} drawn otherwise than when {earlier.called} was made"
+        raise InputError(f"mechanism: found {other}, expected the drawing that was traced")
     quantity, size, unit = _limit(limit, opened)
     table, places = _places(earlier, opened, at)
     found = _core.certify(

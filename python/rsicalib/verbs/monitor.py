@@ -129,7 +129,7 @@ class Alarm(Told, Record, kw_only=True, repr=False):
         """The alarm as a sentence."""
         when = f"row {self.since_row}" if self.time_s is None else f"{self.since:.6g} s"
         unit = "" if self.unit == "1" else self.unit
-        size = with_unit(f"{self.size:.3g} ± {self.sd:.1g}", unit)
+        size = with_unit(_interval(self.size, self.sd), unit)
         if self.term == "unnamed":
             place = "" if self.target == "all" else f" at {self.target}"
             words = f"something has changed{place} since {when} that the watch has no name for"
@@ -151,7 +151,7 @@ class Alarm(Told, Record, kw_only=True, repr=False):
             what = "has changed" if self.rate is None else "drifts"
             words = f"{self.target} {what} since {when}: {self.term} by {size}"
         if self.rate is not None:
-            rate = f"{self.rate.value:.3g} ± {self.rate.sd:.1g}"
+            rate = _interval(self.rate.value, self.rate.sd)
             words += f", now {with_unit(rate, self.rate.unit)}"
         if self.platform_rms is not None and self.platform_rms.position is not None:
             words += f", the platform by {self.platform_rms.position:.2g}"
@@ -166,8 +166,13 @@ class Alarm(Told, Record, kw_only=True, repr=False):
         return words if self.device is None else f"{self.device}: {words}"
 
     def __repr__(self) -> str:
-        size = with_unit(f"{self.size:.3g} ± {1.96 * self.sd:.2g}", self.unit)
+        size = with_unit(_interval(self.size, self.sd), self.unit)
         return f"<Alarm in row {self.row}: {self.term}@{self.target} by {size}>"
+
+
+def _interval(value: float, sd: float) -> str:
+    """A value and half of its interval of 95 %."""
+    return f"{value:.3g} ± {1.96 * sd:.2g}"
 
 
 class Watch(Told, Record, kw_only=True, repr=False):
@@ -224,9 +229,15 @@ class Watch(Told, Record, kw_only=True, repr=False):
         if self.false_alarms_per_hour is not None:
             rate += f", {self.false_alarms_per_hour:.3g} per hour"
         of = "" if self.devices is None else f", {self.devices} devices"
+        tested = f"{self.used} of {self.rows} rows tested{of}" + (f" ({left})" if left else "")
+        if 2 * (self.unreadable + self.late) > self.rows:
+            tested += (
+                "\nmost rows cannot be tested: a watch reads numbers in the units of the mechanism "
+                "file, within the ranges of its channels, in rows whose time_s goes on"
+            )
         return "\n".join(
             [
-                f"{self.used} of {self.rows} rows tested{of}" + (f" ({left})" if left else ""),
+                tested,
                 f"alarms   {self.alarms} (false ones expected: {rate})",
                 f"noise    {self.noise:.2f} of the calibration's, neighbours correlated by "
                 f"{self.correlation:.2f}",
