@@ -430,7 +430,7 @@ def test_of_several_results_the_latest_that_can_be_relied_on_is_watched_under(
     values = dataclasses.replace(step["calibration"], device="ä").to_dict()
     values |= {"verdict": "implausible", "valid_from": "2099-01-01"}
     values["parameters"][0]["value"] += 1.0
-    rsicalib.Calibration.from_dict(values).save(results / "later.json")
+    rsicalib.Calibration.made(values).save(results / "later.json")
     says = "is implausible: nothing that follows from it can be relied on"
     with pytest.warns(rsicalib.OpenLoopsWarning, match=says):
         found = list(rsicalib.watch_devices(shared["path"], results))

@@ -88,7 +88,7 @@ def test_cables_that_are_exchanged_are_no_bent_link(seed: int) -> None:
     assert all(abs(alarm.size) < 300.0 for alarm in alarms if alarm.unit != "alarms")
 
 
-@pytest.mark.parametrize("degrees", [4.0, 20.0, -57.0, 120.0])
+@pytest.mark.parametrize("degrees", [2.0, 4.0, 20.0, -57.0])
 @pytest.mark.parametrize("seed", range(sized(2, 12)))
 def test_a_sensor_that_was_replaced_between_two_sessions_is_what_has_changed(
     degrees: float, seed: int

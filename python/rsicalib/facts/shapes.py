@@ -128,8 +128,8 @@ class Worst(Record):
     """Error of its orientation, root mean square of the three angles (rad)."""
     orientation_sd: float | None = None
     """Predicted standard deviation of that (rad)."""
-    pose: int = None
-    """Its label."""
+    pose: int | None = field(default=None, metadata=IF_KNOWN)
+    """Its label; null in a result of an earlier version."""
     others_p_value: float | None = field(default=None, metadata=IF_KNOWN)
     """Probability of the errors of all others together; null where there are none."""
 
@@ -1125,6 +1125,8 @@ class ResultShape(Record, eq=False, repr=False, kw_only=True):
     """SHA-256 of the earlier result that this one is meant to replace."""
     digest: str | None = field(default=None, metadata=IF_KNOWN)
     """Digest of the numbers that poses come from, as they were written: others were edited."""
+    drawing: str | None = field(default=None, metadata=IF_KNOWN)
+    """Digest of the drawing that it was found with; null in results of earlier versions."""
     misclosure: Misclosure | None = field(default=None, metadata=IF_KNOWN)
     """How the loops close under this result: what a watch compares with."""
     update: Update | None = field(default=None, metadata=IF_KNOWN)

@@ -129,12 +129,15 @@ struct Ranked {
     p_value: f64,
 }
 
-/// A joint that has turned farther than a linearisation reaches.
-struct TurnedFar {
+/// The joint that explains a session best by another offset, wherever that is.
+#[derive(Debug, Clone, Copy)]
+struct Turned {
     candidate: usize,
     /// By what angle (rad), and the standard deviation of that.
     shift: f64,
     sd: f64,
+    /// `χ²` that it leaves.
+    squares: f64,
 }
 
 /// A change that is named.
@@ -188,14 +191,15 @@ pub fn compare(
     let (chi2_per_dof, p_value) = (pass.chi2 / count, session.p_value(pass.chi2, count));
     let mut changes: Vec<Named> = Vec::new();
     let mut tried = Vec::new();
-    // What has turned far is taken as it is: the others are linearised about it.
     let before = was.clone();
-    let far = (p_value <= CHANGED_LEVEL).then(|| session.turned_far(&mut watched, pass.chi2));
-    let far = far.flatten();
-    if let Some(far) = &far {
-        was.clone_from(&watched.at);
-        pass = session.pass(&watched, &was, &watched.prior.clone());
-        tried.push(far.candidate);
+    let turned = (p_value <= CHANGED_LEVEL).then(|| session.turned(&mut watched)).flatten();
+    let hardly = |one: &Turned| one.squares <= LINEAR * LINEAR * pass.chi2;
+    // What has turned far is taken as it is: the others are linearised about it.
+    let mut far = turned.filter(|one| one.shift.abs() > LINEAR && hardly(one));
+    let mut instead = Vec::new();
+    if let Some(one) = far {
+        pass = session.take(&mut watched, &mut was, one);
+        tried.push(one.candidate);
     }
     for _ in 0..MOST_CHANGES {
         let ranked = session.ranked(&watched, &pass, &tried);
@@ -204,6 +208,19 @@ pub fn compare(
         changes.push(best);
         pass = session.choose_again(&mut watched, &was, &mut changes);
         tried.extend(changes.iter().map(|one| one.candidate));
+    }
+    // About the earlier session a bent link may look more like a joint that has turned than the joint itself.
+    if let (None, Some(one), [named]) = (far, turned, &changes[..])
+        && named.candidate != one.candidate
+        && one.squares < pass.chi2 + AS_WELL
+    {
+        let own = name(&watched, one.candidate);
+        instead.push(name(&watched, named.candidate));
+        instead.extend(named.also_fits.iter().filter(|other| **other != own).cloned());
+        changes.clear();
+        watched.at.clone_from(&was);
+        pass = session.take(&mut watched, &mut was, one);
+        far = Some(one);
     }
     let told = changes.iter().map(|one| watched.candidates[one.candidate].columns.len());
     let told = told.sum::<usize>() + usize::from(far.is_some());
@@ -218,22 +235,13 @@ pub fn compare(
         let platform_rms = seen.change(&watched, noise, &was, &alone);
         Found { term, target, size, sd, unit, parameters, p_value, platform_rms, also_fits }
     });
-    let far = far.map(|TurnedFar { candidate, shift, sd }| {
+    let far = far.map(|Turned { candidate, shift, sd, .. }| {
         let ([term, target], own) = (name(&watched, candidate), &watched.candidates[candidate]);
         let (parameter, unit) = own.parameters[0].clone();
         let change = Change { name: parameter.into(), value: shift, sd, unit: unit.clone() };
         let platform_rms = seen.change(&watched, noise, &before, &was);
-        Found {
-            term,
-            target,
-            size: shift,
-            sd,
-            unit,
-            parameters: vec![change],
-            p_value,
-            platform_rms,
-            also_fits: Vec::new(),
-        }
+        let (size, parameters, also_fits) = (shift, vec![change], instead);
+        Found { term, target, size, sd, unit, parameters, p_value, platform_rms, also_fits }
     });
     let changes = far.into_iter().chain(found).collect();
     Ok(Comparison { chi2_per_dof, p_value, rms_misclosure, changes, left })
@@ -276,8 +284,8 @@ impl<'a> Session<'a> {
         Ok(Self { judged, rows, used, samples })
     }
 
-    /// The joint that leaves hardly anything of `chi2` where it has turned far: puts it there. None where there is none.
-    fn turned_far(&self, watched: &mut Watched, chi2: f64) -> Option<TurnedFar> {
+    /// The joint that explains the session best by another offset, looked for in some of the rows; none where none turns.
+    fn turned(&self, watched: &mut Watched) -> Option<Turned> {
         let some = self.used.iter().step_by(self.used.len().div_ceil(SOME).max(1));
         let own = Self {
             judged: self.judged,
@@ -285,24 +293,29 @@ impl<'a> Session<'a> {
             used: some.copied().collect(),
             samples: self.samples.clone(),
         };
-        let share = own.used.len() as f64 / self.used.len().max(1) as f64;
         let best = watched.turning().into_iter().map(|candidate| {
             let column = watched.order[watched.candidates[candidate].columns[0]];
-            let (squares, shift) = nearest_turn(&mut own.about(watched, column));
-            (squares, shift, candidate)
+            (nearest_turn(&mut own.about(watched, column)), candidate)
         });
-        let (squares, shift, candidate) = best.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        if shift.abs() <= LINEAR || squares > LINEAR * LINEAR * share * chi2 {
-            return None;
-        }
+        let ((_, shift), candidate) = best.min_by(|a, b| a.0.0.total_cmp(&b.0.0))?;
         let position = watched.candidates[candidate].columns[0];
         let (column, step) = (watched.order[position], watched.scale[position]);
-        watched.at[column] += shift;
-        let sd = sd_about(&mut self.about(watched, column), step);
-        if position < watched.uncertain {
-            watched.prior[position * (watched.uncertain + 1)] += (sd / step).powi(2);
+        let mut of_all = self.about(watched, column);
+        let (squares, sd) = (of_all(shift), sd_about(&mut |by| of_all(shift + by), step));
+        Some(Turned { candidate, shift, sd, squares })
+    }
+
+    /// Counts from where a joint has turned to, and gives the sums about that.
+    fn take(&self, watched: &mut Watched, was: &mut Vec<f64>, turned: Turned) -> Pass {
+        let position = watched.candidates[turned.candidate].columns[0];
+        watched.at[watched.order[position]] += turned.shift;
+        was.clone_from(&watched.at);
+        let known = watched.prior.len().isqrt();
+        if position < known {
+            let variance = (turned.sd / watched.scale[position]).powi(2);
+            watched.prior[position * (known + 1)] += variance;
         }
-        Some(TurnedFar { candidate, shift, sd })
+        self.settle(watched, was, &[])
     }
 
     /// `χ²` by how far one parameter is moved from where it is, and known there as well as before.

@@ -17,8 +17,8 @@ use crate::monitor::watching::{CONFIRMED, Monitor, Tested};
 use crate::monitor::weighing::{ALL, UNNAMED};
 use crate::numerics::lanes::WIDTH;
 
-/// Angles (rad) from which linearised estimates are off by a twentieth: a change by less is named by these.
-pub(super) const LINEAR: f64 = 0.1;
+/// Angle (rad) from which linearised estimates are off by a fortieth: a change by less is named by these.
+pub(super) const LINEAR: f64 = 0.05;
 
 /// Typical sizes beyond which a linearised change is not believed by itself.
 const FAR: f64 = 10.0;
