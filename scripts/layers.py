@@ -77,6 +77,7 @@ RUST = (
 
 BINDINGS = (
     "error",
+    "values",
     "threads",
     "numbers",
     "mechanism",

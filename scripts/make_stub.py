@@ -62,7 +62,7 @@ PARAMETERS = _by_name(
         "Sequence[tuple[Sequence[str], float, float]]": "rivals",
         "Sequence[tuple[Spec, str]]": "named",
         "Sequence[tuple[float, Sequence[Estimate], Sequence[Spec]]]": "history.results",
-        "Sequence[tuple[float, float, float]]": "standing_out.usual",
+        "Sequence[tuple[float, float, float, int]]": "standing_out.usual",
         "Session": "session",
         "bool": "align held orientation",
         "bytes": "data state",
@@ -85,7 +85,7 @@ PARAMETERS = _by_name(
         "tuple[Mapping[str, Any], Array, Mapping[str, Any], float] | None": "history.last",
         "tuple[Mapping[str, Any], Array, tuple[float, float], str | None, bool]": "known_poses",
         "tuple[Mapping[str, Any], Array] | None": "check",
-        "tuple[float, float, float]": "distances.usual",
+        "tuple[float, float, float, int]": "distances.usual",
     }
 )
 
@@ -153,7 +153,7 @@ RETURNS = _by_name(
         "tuple[list[dict[str, Any]], list[str], dict[str, Any] | None]": "history",
         "tuple[list[int], float]": "exchange",
         "tuple[list[str], Array, Array | None, list[bool]]": "places",
-        "tuple[tuple[float, float, float], tuple[int, float]] | None": "usual",
+        "tuple[tuple[float, float, float, int], tuple[int, float]] | None": "usual",
     }
 )
 

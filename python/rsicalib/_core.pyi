@@ -408,7 +408,7 @@ def compared(
 def declared(mechanism: Mechanism) -> dict[str, Any]:
     """The mechanism as it is declared, as a result on its way to readings."""
 
-def distances(devices: Array, usual: tuple[float, float, float]) -> Array:
+def distances(devices: Array, usual: tuple[float, float, float, int]) -> Array:
     """Distance of each device from what is usual, in standard deviations; NaN where it is not known."""
 
 def evidence_schema() -> str:
@@ -681,7 +681,7 @@ def standing_out(
     verdicts: npt.NDArray[np.int64],
     fits: Array,
     devices: Iterable[Array],
-    usual: Sequence[tuple[float, float, float]],
+    usual: Sequence[tuple[float, float, float, int]],
 ) -> list[tuple[int, float, tuple[int, float | None] | None]]:
     """Devices that stand out, those first that need a decision: each with its size, and the parameter with how many
     times worse than usual it is known; None where the verdict says why. `fits` has χ² and degrees of freedom,
@@ -736,7 +736,7 @@ def unlabelled(
 
 def usual(
     devices: Array, verdicts: npt.NDArray[np.int64]
-) -> tuple[tuple[float, float, float], tuple[int, float]] | None:
+) -> tuple[tuple[float, float, float, int], tuple[int, float]] | None:
     """What is usual of a parameter over a fleet, (median, sd between devices, sd of one, how many), and the device that is
     farthest from that, with its distance; None for too few. `devices` has a value and its sd in each row,
     `verdicts` their places in `VERDICTS`, -1 for refused.

@@ -38,6 +38,7 @@ WarnedKind: TypeAlias = Literal[
     "imported",
     "open_loops",
     "edited",
+    "redrawn",
     "as_drawn",
     "beyond_the_end",
     "known_poses",

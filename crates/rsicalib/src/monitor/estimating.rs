@@ -201,6 +201,22 @@ impl Monitor {
         Some(Open { alarm, was, known, ..found })
     }
 
+    /// Takes the name of the last change for certain: nothing else has changed.
+    pub(super) fn take_for_certain(&mut self) {
+        if let Some(open) = self.open.take() {
+            self.leave(&open, open.named);
+        }
+    }
+
+    /// Goes on with one name only.
+    pub(super) fn leave(&mut self, open: &Open, kinds: Kinds) {
+        if let Some((mean, covariance)) = open.alone(&self.watched, &self.state, kinds) {
+            let mean: Vec<f64> =
+                mean.iter().enumerate().map(|(k, m)| m - open.moved(&self.watched, k)).collect();
+            self.state.set(&mean, &covariance);
+        }
+    }
+
     /// Goes back to before a change.
     pub(super) fn go_back(&mut self, open: &Open) {
         self.watched.at.clone_from(&open.was);

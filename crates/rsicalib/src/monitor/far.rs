@@ -17,8 +17,8 @@ use crate::monitor::watching::{CONFIRMED, Monitor, Tested};
 use crate::monitor::weighing::{ALL, UNNAMED};
 use crate::numerics::lanes::WIDTH;
 
-/// Angle (rad) from which linearised estimates are off by a fortieth: a change by less is named by these.
-pub(super) const LINEAR: f64 = 0.05;
+/// Angle (rad) from which linearised estimates are off by a twentieth: a change by less is named by these.
+pub(super) const LINEAR: f64 = 0.1;
 
 /// Typical sizes beyond which a linearised change is not believed by itself.
 const FAR: f64 = 10.0;
@@ -38,49 +38,62 @@ struct Turned {
 }
 
 impl Monitor {
-    /// The alarms of a change that is far off, from the row `first` on; none where all that is far is near enough to be
-    /// linearised, and nothing was done.
-    pub(super) fn far(&mut self, first: u64, tested: Tested) -> Option<Vec<Alarm>> {
-        let rows = self.recent.between(first, tested.row)?;
-        let dof = (rows.len() * self.r.len()) as f64;
-        let mut turned: Vec<Turned> =
-            self.watched.turning().into_iter().map(|k| self.turn(k, &rows)).collect();
-        turned.retain(|one| !self.leaves_of(one.squares, dof - 1.0));
-        turned.sort_by(|a, b| a.squares.total_cmp(&b.squares));
-        let best = *turned.first().filter(|best| best.shift.abs() > LINEAR)?;
-        let as_well: Vec<Spec> = turned[1..]
-            .iter()
-            .map(|one| self.watched.candidates[one.candidate].spec.clone())
-            .collect();
-        Some(vec![self.jumped(best, as_well, &rows, tested)])
-    }
-
-    /// The alarm of what is far off and has no such name, in place of these alarms: from now on nothing is tested until
-    /// loops close again. None where they stand, and nothing was done; `before` is the state without these rows.
-    pub(super) fn lost(
+    /// The alarm of what is far off, from the row `first` on, in place of those that are `said` of it. None where these
+    /// stand, and nothing was done; `before` is the state without these rows.
+    pub(super) fn far(
         &mut self,
-        alarms: &[Alarm],
+        said: &[Alarm],
         before: Vec<u8>,
         first: u64,
         tested: Tested,
     ) -> Option<Alarm> {
-        if !alarms.iter().any(|alarm| self.is_far(alarm)) {
+        let rows = self.recent.between(first, tested.row)?;
+        let (far, named) =
+            (said.iter().any(|alarm| self.is_far(alarm)), self.names_all(said, tested.row));
+        if !far && named {
             return None;
         }
-        let rows = self.recent.between(first, tested.row)?;
-        let named = self.names_all(alarms, tested.row);
         let now = self.state();
         let _same = self.restore(before);
-        let alone = self.alone(&rows);
-        if named && alone.is_empty() {
+        self.take_for_certain();
+        let found = self.turned(&rows, tested).or_else(|| {
+            let alone = if far { self.alone(&rows) } else { Vec::new() };
+            (far && !(named && alone.is_empty())).then(|| self.lost(&rows, &alone, first, tested))
+        });
+        if found.is_none() {
             let _same = self.restore(now);
-            return None;
         }
+        found
+    }
+
+    /// The alarm of a joint that has turned, where that explains these rows.
+    fn turned(&mut self, rows: &[Kept], tested: Tested) -> Option<Alarm> {
+        let dof = (rows.len() * self.r.len()) as f64;
+        let mut turned: Vec<Turned> =
+            self.watched.turning().into_iter().map(|k| self.turn(k, rows)).collect();
+        turned.retain(|one| !self.leaves_of(one.squares, dof - 1.0));
+        turned.sort_by(|a, b| a.squares.total_cmp(&b.squares));
+        let best = *turned.first()?;
+        let as_well = turned[1..].iter();
+        let as_well =
+            as_well.map(|one| self.watched.candidates[one.candidate].spec.clone()).collect();
+        Some(self.jumped(best, as_well, rows, tested))
+    }
+
+    /// The alarm of what is far off and has no such name; some joints may each explain it `alone`. From now on nothing is
+    /// tested until loops close again.
+    fn lost(
+        &mut self,
+        rows: &[Kept],
+        alone: &[(f64, f64, usize)],
+        first: u64,
+        tested: Tested,
+    ) -> Alarm {
         self.out = Some(0);
         let began = self.began(first, tested);
         let mut spec = Spec { term: UNNAMED.into(), target: Some(ALL.into()), place: None };
         let unit = self.watched.under.model.mechanism.length_unit.clone();
-        let mut found = Alarm { action: Action::Stop, size: self.misclosure(&rows), unit, ..began };
+        let mut found = Alarm { action: Action::Stop, size: self.misclosure(rows), unit, ..began };
         let mut named = alone.iter().filter_map(|(_, size, candidate)| {
             let place = self.watched.places.iter().find(|p| p.candidate == *candidate)?;
             let own =
@@ -94,7 +107,8 @@ impl Monitor {
             found.parameters = vec![change];
             found.also_fits = named.map(|(own, ..)| own).collect();
         }
-        Some(Alarm { spec, ..found })
+        self.open = None;
+        Alarm { spec, ..found }
     }
 
     /// Misclosure of some rows, root mean square [length unit].

@@ -6,7 +6,7 @@
 //! distance has a rate beside its step ([`super::drift`]), so what drifts is named once.
 
 use crate::monitor::alarm::Alarm;
-use crate::monitor::open::{Kind, Kinds, Name, Open};
+use crate::monitor::open::{Kind, Name};
 use crate::monitor::suspects::Suspect;
 use crate::monitor::watching::{Monitor, Tested};
 use crate::monitor::windows::Sums;
@@ -23,25 +23,22 @@ impl Monitor {
     /// Names a change, or corrects the name of the last one, and goes on with it.
     pub(super) fn raise(&mut self, tested: Tested) {
         let broken = (std::mem::take(&mut self.held) > 0).then_some(self.waiting[0]);
-        if let Some(alarms) = broken.and_then(|first| self.far(first, tested)) {
-            self.counts.alarms += 1;
-            self.alarms.extend(alarms);
-            self.restart();
-            self.age = 0;
-            return;
-        }
         let before = broken.map(|_| self.state());
         if let Some(first) = broken {
             self.absorb_waiting(first, tested.row);
         }
-        let corrected = self.correct(tested);
+        let mut corrected = self.correct(tested);
+        let mut alarms = Vec::new();
         if corrected.is_empty() {
-            let mut alarms = self.name(tested, broken);
-            if let (Some(first), Some(before)) = (broken, before)
-                && let Some(lost) = self.lost(&alarms, before, first, tested)
-            {
-                alarms = vec![lost];
+            alarms = self.name(tested, broken);
+        }
+        if let (Some(first), Some(before)) = (broken, before) {
+            let said = if corrected.is_empty() { &alarms } else { &corrected };
+            if let Some(found) = self.far(said, before, first, tested) {
+                (corrected, alarms) = (Vec::new(), vec![found]);
             }
+        }
+        if corrected.is_empty() {
             self.counts.alarms += u64::from(!alarms.is_empty());
             match self.too_many(tested, &alarms) {
                 Some(alarm) => self.alarms.push(alarm),
@@ -168,13 +165,6 @@ impl Monitor {
         }
     }
 
-    /// Takes the name of the last change for certain: nothing else has changed.
-    fn take_for_certain(&mut self) {
-        if let Some(open) = self.open.take() {
-            self.leave(&open, open.named);
-        }
-    }
-
     /// Takes for certain what has changed, but not whether it drifts.
     fn narrow(&mut self, candidate: usize) {
         let Some(mut open) = self.open.take() else { return };
@@ -191,14 +181,5 @@ impl Monitor {
         open.width = open.width[own].to_vec();
         open.suspects.retain(|one| one.candidate == candidate);
         self.open = Some(open);
-    }
-
-    /// Goes on with one name only.
-    fn leave(&mut self, open: &Open, kinds: Kinds) {
-        if let Some((mean, covariance)) = open.alone(&self.watched, &self.state, kinds) {
-            let mean: Vec<f64> =
-                mean.iter().enumerate().map(|(k, m)| m - open.moved(&self.watched, k)).collect();
-            self.state.set(&mean, &covariance);
-        }
     }
 }
