@@ -30,8 +30,8 @@ def digest_of_numbers(result: ResultShape) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-DRAWN = ("channel", "chain", "point", "plane", "line", "frame", "closure", "platform", "gravity")
-"""What a mechanism file says of how a machine is made."""
+DRAWN = ("channel", "chain", "point", "closure", "platform", "gravity")
+"""What a mechanism file says of the machine itself; what stands around it may be known or not."""
 
 KNOWN = ("label", "range", "limits", "noise", "sd")
 """What says how well that is known, how far it goes or what people call it."""
@@ -40,10 +40,13 @@ KNOWN = ("label", "range", "limits", "noise", "sd")
 def digest_of_drawing(mechanism: Mechanism) -> str:
     """SHA-256 of how a mechanism is drawn: two with one name may be two machines.
 
-    Noise, ranges, terms and what people call things do not count.
+    Of points those that chains carry, and of closures those with a length. Noise, ranges, terms and
+    what people call things do not count.
     """
     drawn = mechanism.to_dict()
     parts = {key: _without_known(plain(drawn[key])) for key in DRAWN if key in drawn}
+    for key, own in (("point", "chain"), ("closure", "value")):
+        parts[key] = [one for one in parts.get(key, []) if one.get(own) is not None]
     text = json.dumps(_as_floats(parts), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 

@@ -45,6 +45,9 @@ const STEPS: usize = 60;
 /// Rounds of drawing, each twice what is missing.
 const ROUNDS: usize = 40;
 
+/// Configurations that are apart, of which so many are drawn before fewer than were asked for are enough.
+const LEAST_APART: usize = 200;
+
 /// Configurations taken out for each that is asked for, after which nothing more is drawn. Half of one is enough where a tenth of
 /// what is asked for has been found.
 const MOST_APART: usize = 2;
@@ -297,7 +300,7 @@ impl Configurations {
             let kept = found.iter().map(Vec::len).sum::<usize>();
             let few = 10 * kept < asked;
             let tried = if few { MOST_APART * asked } else { asked.div_ceil(2) };
-            if wanted.is_empty() || apart >= tried.max(1) {
+            if wanted.is_empty() || apart >= tried.max(LEAST_APART) {
                 break;
             }
             let mut drawn = self.close(&wanted, random, under)?;

@@ -17,8 +17,8 @@ use crate::monitor::watching::{CONFIRMED, Monitor, Tested};
 use crate::monitor::weighing::{ALL, UNNAMED};
 use crate::numerics::lanes::WIDTH;
 
-/// Angle (rad) from which linearised estimates are off by a twentieth: a change by less is named by these.
-pub(super) const LINEAR: f64 = 0.1;
+/// Angle (rad) from which linearised estimates are off by a fortieth: a change by less is named by these.
+pub(super) const LINEAR: f64 = 0.05;
 
 /// Typical sizes beyond which a linearised change is not believed by itself.
 const FAR: f64 = 10.0;
@@ -172,13 +172,15 @@ impl Monitor {
         found
     }
 
-    /// True for a change of many times the typical size.
+    /// True for a joint that has turned farther than a linearisation reaches, and for another change of many times the
+    /// typical size.
     fn is_far(&self, alarm: &Alarm) -> bool {
         let mut candidates = self.watched.candidates.iter();
         candidates.find(|candidate| candidate.spec == alarm.spec).is_some_and(|own| {
             let typical = own.typical.iter().zip(&own.scale).map(|(typical, unit)| typical * unit);
-            let near = |(change, typical): (&Change, f64)| change.value.abs() <= FAR * typical;
-            !alarm.parameters.iter().zip(typical).all(near)
+            let most = typical.map(|typical| if own.turns { LINEAR } else { FAR * typical });
+            let near = |(change, most): (&Change, f64)| change.value.abs() <= most;
+            !alarm.parameters.iter().zip(most).all(near)
         })
     }
 
