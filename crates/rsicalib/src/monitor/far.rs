@@ -2,9 +2,8 @@
 //! lost its reference, a plug that was pulled, cables that were exchanged.
 //!
 //! About the calibration such rows are linearised at the wrong place, and what is estimated there is nonsense. Of each
-//! joint that turns all angles of a turn are tried in place of its offset: one number for the rows that are far outside,
-//! where they have as many equations as all rows together. Where the best leaves no more than chance it is the change,
-//! and the watch goes on from there. Where one joint alone explains every row by another angle, its readings are wrong;
+//! joint that turns all angles of a turn are tried in place of its offset. Where the best leaves no more of the rows far
+//! outside than chance it is the change, and the watch goes on from there. Where one joint alone explains every row by another angle, its readings are wrong;
 //! else what happened has no name. Then nothing is tested until the loops close again.
 
 use nalgebra::DMatrix;
@@ -172,13 +171,15 @@ impl Monitor {
         found
     }
 
-    /// True for a joint that has turned farther than a linearisation reaches, and for another change of many times the
-    /// typical size.
+    /// True for a joint that has turned farther than a linearisation reaches, unless another change of its sensor fits as
+    /// well, which later rows tell; and for a change of many times the typical size.
     fn is_far(&self, alarm: &Alarm) -> bool {
         let mut candidates = self.watched.candidates.iter();
         candidates.find(|candidate| candidate.spec == alarm.spec).is_some_and(|own| {
             let typical = own.typical.iter().zip(&own.scale).map(|(typical, unit)| typical * unit);
-            let most = typical.map(|typical| if own.turns { LINEAR } else { FAR * typical });
+            let tied = alarm.also_fits.iter().any(|other| other.target == alarm.spec.target);
+            let turned = own.turns && !tied;
+            let most = typical.map(|typical| if turned { LINEAR } else { FAR * typical });
             let near = |(change, most): (&Change, f64)| change.value.abs() <= most;
             !alarm.parameters.iter().zip(most).all(near)
         })
@@ -213,11 +214,6 @@ impl Monitor {
         });
         self.state = state;
         squares
-    }
-
-    fn leaves_of(&self, squares: f64, dof: f64) -> bool {
-        let spread = self.spread.max(1.0);
-        dof > 0.0 && log_tail(squares / spread, dof / spread) < self.rate.ln()
     }
 
     /// Goes on from the angle to which a joint has turned, and says so.

@@ -130,9 +130,13 @@ impl Monitor {
 
     /// True where a change leaves more of its rows than chance does.
     pub(super) fn leaves(&self, squares: f64, rows: f64) -> bool {
-        let dof = rows * self.r.len() as f64;
+        self.leaves_of(squares, rows * self.r.len() as f64)
+    }
+
+    /// True where more is left than chance leaves, with so many degrees of freedom.
+    pub(super) fn leaves_of(&self, squares: f64, dof: f64) -> bool {
         let spread = self.spread.max(1.0);
-        rows > 0.0 && log_tail(squares / spread, dof / spread) < self.rate.ln()
+        dof > 0.0 && log_tail(squares / spread, dof / spread) < self.rate.ln()
     }
 
     fn better(

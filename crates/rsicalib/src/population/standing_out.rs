@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn small_fleets_of_normal_devices_name_none_and_one_that_is_far_off() {
         let mut random = Random::new(20_261_128);
-        for (devices, far) in [(6, 150.0), (12, 30.0), (40, 10.0)] {
+        for (devices, far) in [(6, 1000.0), (12, 80.0), (40, 20.0)] {
             let (verdicts, numbers) = (vec![Some(Verdict::Adequate); devices], 9 * devices);
             let (mut named, fleets) = (0, 300);
             for _ in 0..fleets {
