@@ -43,12 +43,21 @@ def digest_of_drawing(mechanism: Mechanism) -> str:
     Of points those that chains carry, and of closures those with a length. Noise, ranges, terms and
     what people call things do not count.
     """
+    for known, digest in _KEPT:
+        if known is mechanism:
+            return digest
     drawn = mechanism.to_dict()
     parts = {key: _without_known(plain(drawn[key])) for key in DRAWN if key in drawn}
     for key, own in (("point", "chain"), ("closure", "value")):
         parts[key] = [one for one in parts.get(key, []) if one.get(own) is not None]
     text = json.dumps(_as_floats(parts), sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    _KEPT[:] = [(mechanism, digest)]
+    return digest
+
+
+_KEPT: list[tuple[Mechanism, str]] = []
+"""The last mechanism and its digest: a fleet asks for the same one at every device."""
 
 
 def _without_known(value: Any) -> Any:
