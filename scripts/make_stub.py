@@ -107,9 +107,9 @@ RETURNS = _by_name(
         "bool": "guided_done traceable",
         "bytes": "Monitor.state",
         "dict[str, Any]": """
-            EvidenceSource.gather Fit.check Fit.to_dict Mechanism.to_dict Session.reference
-            Session.suppose Session.trace Term.to_dict bound bound_at certify check declared
-            further identifiable linearize observability plan read_result
+            EvidenceSource.changes EvidenceSource.gather Fit.check Fit.to_dict Mechanism.to_dict
+            Session.reference Session.suppose Session.trace Term.to_dict bound bound_at certify
+            check declared further identifiable linearize observability plan read_result
         """,
         "dict[str, Any] | None": "Fit.wires summed unlabelled",
         "dict[str, list[Any]]": "calibrate_devices",

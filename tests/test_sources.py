@@ -18,6 +18,7 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, InputError, Readings
+from rsicalib.io.stream import rows_of
 
 PLAIN = (DEMO / "rest.csv").read_text(encoding="utf-8")
 NAMES = PLAIN.splitlines()[0].split(",")
@@ -59,6 +60,40 @@ def test_a_file_as_people_have_it_holds_the_same_readings(shape: str, tmp_path: 
     path = tmp_path / "readings.csv"
     path.write_bytes(SHAPES[shape](PLAIN))
     same(rsicalib.load_readings(path))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_watch_reads_what_calibrate_reads(shape: str, tmp_path: Path) -> None:
+    path = tmp_path / "readings.csv"
+    path.write_bytes(SHAPES[shape](PLAIN))
+    rsi = rsicalib.load_mechanism("rsi")
+    rows = list(rows_of(path, WANTED.channels, mechanism=rsi))
+    assert np.array_equal(np.vstack([part.values for part in rows]), WANTED.values)
+    times = np.concatenate([part.time_s for part in rows if part.time_s is not None])
+    assert WANTED.time_s is not None and np.array_equal(times, WANTED.time_s)
+
+
+def test_a_watch_reads_quoted_cells_and_decimals_that_come_late(tmp_path: Path) -> None:
+    path = tmp_path / "rows.csv"
+    path.write_text('"a","b"\n"1.5","2"\n3,4\n')
+    assert np.vstack([r.values for r in rows_of(path, ("a", "b"))]).tolist() == [[1.5, 2], [3, 4]]
+    with open(path, "w", encoding="utf-8") as file:
+        file.write("a;b\n1;2\n")
+        file.flush()
+        rows = rows_of(path, ("a", "b"), follow=True)
+        assert next(rows).values.tolist() == [[1.0, 2.0]]
+        file.write("1,5;2\n")
+        file.flush()
+        assert next(rows).values.tolist() == [[1.5, 2.0]]
+
+
+@pytest.mark.parametrize("kind", ["another unit", "a cut gzip file", "UTF-16"])
+def test_a_watch_refuses_what_can_be_misread(kind: str, tmp_path: Path) -> None:
+    make, words = MISREAD[kind]
+    path = tmp_path / "readings.csv"
+    path.write_bytes(make(PLAIN))
+    with pytest.raises(InputError, match=words):
+        list(rows_of(path, WANTED.channels, mechanism=rsicalib.load_mechanism("rsi")))
 
 
 def test_a_line_is_counted_with_the_comments_above_it(tmp_path: Path) -> None:

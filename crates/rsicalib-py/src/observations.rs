@@ -277,6 +277,29 @@ impl PyEvidenceSource {
         })
     }
 
+    /// What has changed since an earlier result with the covariance of its parameters, (k, k), and
+    /// whether that is worth an update where the loops close to `rms`, poses left out in turn. A trace
+    /// compares with what was asked for: what it found besides may be in the earlier session, too.
+    #[pyo3(signature = (applied, covariance=None, rms=None))]
+    fn changes<'py>(
+        &self,
+        py: Python<'py>,
+        applied: PyApplied,
+        covariance: Option<PyReadonlyArray2<'_, f64>>,
+        rms: Option<f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let covariance: Option<Vec<f64>> =
+            covariance.map(|c| c.as_array().iter().copied().collect());
+        let applied: Applied = applied.into();
+        let since = |later: (&Observations, &Fit)| {
+            Update::since(&applied, covariance.as_deref(), later, rms)
+        };
+        done_as_value(py, || match &self.found {
+            Found::Traced(traced) => since((&traced.observations, &*traced.asked()?)),
+            Found::Calibrated(observations, fit, _) => since((observations, fit)),
+        })
+    }
+
     /// A pickle does not keep it: None.
     fn __reduce__(&self, py: Python<'_>) -> PyResult<(Py<PyAny>, Py<PyAny>)> {
         let nothing = py.None().bind(py).get_type().into_any().unbind();
@@ -314,23 +337,6 @@ impl PyFit {
             }
         })?;
         Ok(pythonize(py, &view)?)
-    }
-
-    /// What has changed since an earlier result with the covariance of its parameters, (k, k), and
-    /// whether that is worth an update where the loops close to `rms`, poses left out in turn.
-    #[pyo3(signature = (applied, covariance=None, rms=None))]
-    fn changes<'py>(
-        &self,
-        py: Python<'py>,
-        applied: PyApplied,
-        covariance: Option<PyReadonlyArray2<'_, f64>>,
-        rms: Option<f64>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let covariance: Option<Vec<f64>> =
-            covariance.map(|c| c.as_array().iter().copied().collect());
-        let applied: Applied = applied.into();
-        let later = (&*self.observations, &*self.fit);
-        done_as_value(py, || Update::since(&applied, covariance.as_deref(), later, rms))
     }
 
     /// What looks wrong with the readings or what is declared of them.

@@ -82,12 +82,17 @@ def read_csv_text(content: str, source: str) -> CsvText:
     """
     above, content = _comments(content)
     header = content.split("\n", 1)[0]
-    delimiter = next((d for d in ",;\t" if d in header), ",")
+    delimiter = delimiter_of(header)
     rows, lines = _rows(content, source, delimiter, above)
     while rows and not rows[-1]:  # empty lines at the end say nothing, and editors leave them
         rows.pop()
-    decimal = "." if delimiter == "," else _decimal(rows, lines, source)
+    decimal = "." if delimiter == "," else decimal_mark(rows, lines, source)
     return CsvText(rows, lines[: len(rows)], decimal)
+
+
+def delimiter_of(header: str) -> str:
+    """What stands between the cells of a file with this header."""
+    return next((d for d in ",;\t" if d in header), ",")
 
 
 def _comments(content: str) -> tuple[int, str]:
@@ -118,8 +123,14 @@ def _rows(
     return rows, lines
 
 
-def _decimal(rows: list[list[str]], lines: Iterable[int], source: str) -> str:
-    """What stands before decimals in a file whose cells no comma parts."""
+def decimal_mark(rows: list[list[str]], lines: Iterable[int], source: str) -> str:
+    """What stands before decimals in a file whose cells no comma parts; its header comes first.
+
+    Raises
+    ------
+    InputError
+        A comma may stand before decimals or before thousands.
+    """
     commas = [
         (line, column, cell)
         for line, row in zip(lines, rows, strict=False)

@@ -28,6 +28,8 @@ LARGEST_FILE = 1e9
 """A file of more bytes is refused where the variable does not say otherwise: what is read whole
 must fit into memory several times, a few kB of gzip can hold terabytes, and a device never ends."""
 
+WHOLE = "a whole gzip file"
+
 LONGEST_LINE = 1 << 20
 """A line of a stream that has more bytes is none."""
 
@@ -108,7 +110,7 @@ def unpacked(data: bytes, source: str) -> bytes:
             return _within(file, source, " in a gzip file")
     except (OSError, EOFError, zlib.error) as error:
         found = f"a gzip file that is damaged ({error})"
-        raise InputError.at(source, found, "a whole gzip file") from None
+        raise InputError.at(source, found, WHOLE) from None
 
 
 def refuse_larger(size: float, source: str, where: str = "") -> None:

@@ -7,12 +7,10 @@ cell that cannot be used becomes NaN, and the row is counted by whoever takes it
 from __future__ import annotations
 
 import contextlib
-import csv
 import itertools
 import math
 import os
 import sys
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
@@ -23,26 +21,20 @@ import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
+from rsicalib.io.cells import MechanismLike
 from rsicalib.io.extras import parquet_modules
 from rsicalib.io.frames import SOURCE, Cells, TableArg, columns_of
+from rsicalib.io.lines import EXPECTED, Marks, header_of, parts_of
 from rsicalib.io.messages import documents, is_message, message_of, positions_of
-from rsicalib.io.sources import LONGEST_LINE, decoded
 from rsicalib.io.tables import PARQUET, is_dates, numbers
 from rsicalib.io.times import TIME, date_of, first_of, seconds_of_dates
-
-CHUNK = 1 << 16
-"""Bytes that are read at a time, at most: what a pipe holds is taken as soon as it is there."""
-
-POLL_S = 0.05
-"""Between two looks at a file that grows."""
+from rsicalib.io.units_row import HINT, is_units, wrong_units
 
 BATCH = 4096
 """Rows of a Parquet file that are read at a time."""
 
 DEVICE = "device"
 """Column with the name of the device of each row."""
-
-EXPECTED = "a header with a column for each channel, then one line per sample"
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,20 +61,24 @@ def rows_of(
     *,
     follow: bool = False,
     device: bool = False,
+    mechanism: MechanismLike | None = None,
 ) -> Iterator[Rows]:
     """Rows of a file as they stand there, or of standard input (`-`) as they arrive.
 
     Parameters
     ----------
     source : path or "-"
-        CSV, joint states as text (`rsicalib.io.messages`), or Parquet if it ends in `.parquet` or
-        `.pq`. A message without any of the channels is another publisher's, and no row.
+        CSV or joint states as text (`rsicalib.io.messages`), also packed by gzip, or Parquet if it
+        ends in `.parquet` or `.pq`. A message without any of the channels is another publisher's,
+        and no row.
     channels : sequence of str, or mapping of str to str
         Names of the columns to take; a mapping has the joint of each, which messages may call it.
     follow : bool
         Wait for more at the end of a file, for ever.
     device : bool
         Take the column `device`, too: rows of several devices.
+    mechanism : MechanismLike, optional
+        Units of its channels: a row of units below the header is held against them, and is no row.
 
     Yields
     ------
@@ -92,7 +88,8 @@ def rows_of(
     Raises
     ------
     InputError
-        There is no such file, or its header has not each channel once.
+        There is no such file, its header has not each channel once, a column has another unit, or
+        a file that is packed (gzip) is damaged.
     """
     name = os.fsdecode(source)
     if PurePath(name).suffix.lower() in PARQUET:
@@ -101,7 +98,7 @@ def rows_of(
             raise InputError.at(name, found, expected)
         return _parquet(name, list(channels), device)
     joints = dict(channels) if isinstance(channels, Mapping) else {c: c for c in channels}
-    return _text(name, joints, follow, device)
+    return _text(name, joints, follow, device, mechanism)
 
 
 def rows_in_memory(
@@ -144,7 +141,13 @@ def _times(cells: Cells, since: np.datetime64 | None) -> FloatArray:
     return seconds_of_dates(np.asarray(cells), since) if is_dates(cells) else numbers(cells)
 
 
-def _text(name: str, joints: dict[str, str], follow: bool, device: bool) -> Iterator[Rows]:
+def _text(
+    name: str,
+    joints: dict[str, str],
+    follow: bool,
+    device: bool,
+    mechanism: MechanismLike | None,
+) -> Iterator[Rows]:
     with contextlib.ExitStack() as stack:
         if name == "-":
             label, descriptor = "standard input", sys.stdin.fileno()
@@ -156,7 +159,7 @@ def _text(name: str, joints: dict[str, str], follow: bool, device: bool) -> Iter
                 found = getattr(error, "strerror", None) or str(error)
                 raise InputError.at(name, found, "a file of readings") from None
             descriptor = file.fileno()
-        parts = _parts(descriptor, label, follow and name != "-")
+        parts = parts_of(descriptor, label, follow and name != "-")
         first = next(parts, None)
         if first is None:
             raise InputError.at(label, "an empty file", EXPECTED, line=1)
@@ -167,30 +170,7 @@ def _text(name: str, joints: dict[str, str], follow: bool, device: bool) -> Iter
                 raise InputError.at(label, found, expected)
             yield from _messages(rest, joints)
         else:
-            yield from _table(rest, label, list(joints), device)
-
-
-def _parts(descriptor: int, label: str, follow: bool) -> Iterator[list[bytes]]:
-    """Lines that are not empty, some at a time; the last one as it ends."""
-    rest, at = b"", 0
-    while True:
-        chunk = os.read(descriptor, CHUNK)
-        at += len(chunk)
-        if not chunk and follow:
-            if os.fstat(descriptor).st_size < at:
-                found, expected = "less than was read of it", "a file that grows"
-                raise InputError.at(label, found, expected)
-            time.sleep(POLL_S)
-            continue
-        *lines, rest = (rest + chunk).split(b"\n") if chunk else (rest, b"")
-        if len(rest) > LONGEST_LINE:
-            found = f"a line of more than {LONGEST_LINE:,} bytes"
-            raise InputError.at(label, found, "one line per sample")
-        lines = [line for line in lines if line.strip()]
-        if lines:
-            yield lines
-        if not chunk:
-            return
+            yield from _table(rest, label, list(joints), device, mechanism)
 
 
 @dataclass(frozen=True)
@@ -203,16 +183,36 @@ class _Places:
 
 
 def _table(
-    parts: Iterator[list[bytes]], label: str, channels: Sequence[str], device: bool
+    parts: Iterator[list[bytes]],
+    label: str,
+    channels: Sequence[str],
+    device: bool,
+    mechanism: MechanismLike | None,
 ) -> Iterator[Rows]:
     """Rows of CSV."""
-    places: _Places | None = None
+    header, at, below = header_of(parts, label)
+    marks = Marks(header, label, at)
+    places = _places(marks.names, label, channels, device, at)
     clock = _Clock()
-    for lines in parts:
-        if places is None:
-            places = _header(lines.pop(0), label, channels, device)
+    for number, part in enumerate(below):
+        lines = marks.plain(part)
+        if number == 0 and mechanism is not None:
+            lines = lines[_rows_of_units(lines[0], marks.names, label, mechanism, at + 1) :]
         if lines:
             yield _parsed(lines, places, clock)
+
+
+def _rows_of_units(
+    line: bytes, names: Sequence[str], label: str, mechanism: MechanismLike, at: int
+) -> int:
+    """How many rows of units stand at the top: 0 or 1."""
+    cells = line.decode("utf-8", "replace").rstrip("\r").split(",")
+    first = dict(zip(names, [*cells, *[""] * (len(names) - len(cells))], strict=False))
+    if not is_units(first, mechanism):
+        return 0
+    for name, found, unit in wrong_units(first, mechanism):
+        raise InputError.at(label, found, unit, line=at, column=name, hint=HINT)
+    return 1
 
 
 @dataclass
@@ -255,18 +255,18 @@ def _messages(parts: Iterator[list[bytes]], joints: dict[str, str]) -> Iterator[
         yield Rows(values, moment if timed else None)
 
 
-def _header(line: bytes, label: str, channels: Sequence[str], device: bool) -> _Places:
-    text = decoded(line, label)
-    names = [cell.strip() for cell in next(csv.reader([text]), [])]
-    return _places(names, label, channels, device)
-
-
-def _places(names: Sequence[str], label: str, channels: Sequence[str], device: bool) -> _Places:
+def _places(
+    names: Sequence[str],
+    label: str,
+    channels: Sequence[str],
+    device: bool,
+    line: int | None = None,
+) -> _Places:
     for column in [*channels, *([DEVICE] if device else [])]:
         count = names.count(column)
         if count != 1:
             found = "no such column" if count == 0 else f"{count} such columns"
-            raise InputError.at(label, found, "one column", line=1, column=column)
+            raise InputError.at(label, found, "one column", line=line, column=column)
     when = names.index("time_s") if names.count("time_s") == 1 else None
     own = tuple(names.index(channel) for channel in channels)
     return _Places(own, when, names.index(DEVICE) if device else None)

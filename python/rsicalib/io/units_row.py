@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from rsicalib.io.cells import POSE, MechanismLike
@@ -10,6 +11,9 @@ from rsicalib.io.tables import Table, is_blank, quoted
 
 UNIT = re.compile(r"[^\W\d][\w/^*·. -]{0,15}|[°%][\w/]{0,8}")
 """What a unit looks like; no number does."""
+
+HINT = "Convert the column, or declare its unit in the mechanism."
+"""What to do about another unit."""
 
 NONE = ("", "-", "1", "#")
 """How loggers write that a column has no unit."""
@@ -48,21 +52,35 @@ def without_units(table: Table, mechanism: MechanismLike, index: dict[str, int])
     """
     if table.line_word != "line" or not len(table.lines):
         return table
-    first = {name: str(table.columns[at][0]).strip(" []()\t") for name, at in index.items()}
-    units = {channel.name: channel.unit for channel in mechanism.channels}
-    if not all(UNIT.fullmatch(first[name]) and _is_text(first[name]) for name in units):
+    first = {name: str(table.columns[at][0]) for name, at in index.items()}
+    if not is_units(first, mechanism):
         return table
-    units |= {name: unit for name, unit in _others(mechanism).items() if name not in units}
-    for name, found in first.items():
-        expected = units.get(name, "")
-        if found.lower() in _written(expected) or is_blank(found):
-            continue
-        unit = f"unit '{expected}'" if expected else "no unit"
-        hint = "Convert the column, or declare its unit in the mechanism."
-        raise table.fault(0, name, f"unit {quoted(found)}", unit, hint)
+    for name, found, unit in wrong_units(first, mechanism):
+        raise table.fault(0, name, found, unit, HINT)
     ragged = {i - 1: fault for i, fault in table.ragged.items() if i}
     below = [column[1:] for column in table.columns]
     return replace(table, columns=below, lines=table.lines[1:], ragged=ragged)
+
+
+def is_units(first: Mapping[str, str], mechanism: MechanismLike) -> bool:
+    """Whether cells, by the names of their columns, are units: those of every channel are."""
+    cells = [_bare(first[channel.name]) for channel in mechanism.channels]
+    return all(UNIT.fullmatch(cell) and _is_text(cell) for cell in cells)
+
+
+def wrong_units(
+    first: Mapping[str, str], mechanism: MechanismLike
+) -> Iterator[tuple[str, str, str]]:
+    """Columns whose unit is not theirs: the name, what was found, what was expected."""
+    units = _others(mechanism) | {channel.name: channel.unit for channel in mechanism.channels}
+    for name, cell in first.items():
+        expected, found = units.get(name, ""), _bare(cell)
+        if found.lower() not in _written(expected) and not is_blank(found):
+            yield name, f"unit {quoted(found)}", f"unit '{expected}'" if expected else "no unit"
+
+
+def _bare(cell: str) -> str:
+    return cell.strip(" []()\t")
 
 
 def _others(mechanism: MechanismLike) -> dict[str, str]:

@@ -144,8 +144,8 @@ def calibrate(
     known = job.known(check, check_point, (check_noise, check_noise_angle))
     beside = job.beside(known, align)
     try:
-        report, fit, _ = session.calibrate(beside)
+        report, *_ = session.calibrate(beside)
     except UndeterminedError as error:
         return Calibration.made(job.too_few(Calibration, error, session) | {"fit": NOTHING})
-    found = {**report, "method": method or Calibration.method, "update": job.update(report, fit)}
+    found = {**report, "method": method or Calibration.method, "update": job.update(report, "fit")}
     return finished(Calibration.made(job.result(Calibration, found, session)))

@@ -79,7 +79,7 @@ def watch_devices(
     channels = [channel.name for channel in opened.channels]
     source = None
     if isinstance(readings, str | os.PathLike):
-        rows = rows_of(readings, channels, follow=follow, device=True)
+        rows = rows_of(readings, channels, follow=follow, device=True, mechanism=opened)
         source = None if readings == "-" else os.path.abspath(os.fspath(readings))
     else:
         rows = iter([rows_in_memory(readings, channels, device=True)])

@@ -546,7 +546,7 @@ def _rows(
             found = f"a {KINDS[kind].words}, which is read when it is whole"
             expected = "lines that grow, such as ros2 topic echo /joint_states > FILE"
             raise InputError.at(os.fspath(readings), found, expected)
-        return rows_of(readings, joints_of(given), follow=follow)
+        return rows_of(readings, joints_of(given), follow=follow, mechanism=opened)
     log = import_log(readings, mechanism=given, hold=0.0)
     return (Rows(one.values, one.time_s) for one in log.readings(Bare(opened)))
 

@@ -110,4 +110,5 @@ def trace(
         nothing = {"before": NOTHING, "after": NOTHING}
         return Trace.made(job.too_few(Trace, error, session) | nothing)
     lacking = {"not_candidates": dict(sorted(session.lacking().items()))}
-    return finished(Trace.made(job.result(Trace, report, session) | lacking))
+    found = {**report, **lacking, "update": job.update(report, "after")}
+    return finished(Trace.made(job.result(Trace, found, session)))

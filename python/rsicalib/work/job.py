@@ -266,15 +266,19 @@ class Work:
             out["supersedes"] = self.supersedes
         return out
 
-    def update(self, found: Mapping[str, Any], fit: _core.Fit) -> dict[str, Any] | None:
-        """What has changed since the earlier result; None where that cannot be told."""
+    def update(self, found: Mapping[str, Any], fit: str) -> dict[str, Any] | None:
+        """What has changed since the earlier result; None where that cannot be told.
+
+        `fit` says where the fit of the result stands in what the core found.
+        """
         if self.earlier is None or found["verdict"] in ("implausible", "undetermined"):
             return None  # there is nothing that could have changed to it
         applied = as_applied(self.earlier, self.mechanism)
-        held_out = found["fit"].get("held_out")
+        held_out = found[fit].get("held_out")
         rms = None if held_out is None else held_out["rms_misclosure"]
+        source: _core.EvidenceSource = found["source"]
         try:
-            update: dict[str, Any] = fit.changes(applied, covariance_of(self.earlier), rms)
+            update: dict[str, Any] = source.changes(applied, covariance_of(self.earlier), rms)
         except InputError:
             return None  # the loops are not the same: unknown points, measured distances
         return update

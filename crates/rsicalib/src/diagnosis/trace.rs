@@ -7,6 +7,7 @@
 //! Samples of a held pose are averaged for the search, whose noise is then known, and
 //! so are neighbouring rows of a long recording; the answer is fitted to all of them.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use crate::Error;
@@ -141,6 +142,19 @@ impl Traced {
     pub fn lacks_something(&self) -> bool {
         let left_over = self.p_value.is_some_and(|p| p <= LEVEL);
         left_over || !self.found.is_empty() || self.unknown.is_some()
+    }
+
+    /// The fit of what was asked for, without the readings that are wrong.
+    ///
+    /// # Errors
+    ///
+    /// As [`fit`].
+    pub fn asked(&self) -> Result<Cow<'_, Fit>, Error> {
+        if self.excluded.is_empty() {
+            return Ok(Cow::Borrowed(&self.before));
+        }
+        let asked = self.before.model.instances.clone();
+        fit(&self.observations, asked, Some(&self.before)).map(Cow::Owned)
     }
 
     /// The session and the fit to judge and to draw by: where the search was by stretches, those of
