@@ -13,7 +13,7 @@ import pytest
 
 import rsicalib
 from rsicalib import InputError
-from tests import oracle
+from tests import cone, oracle
 from tests.blind import simulator
 from tests.blind.simulator import Device
 from tests.commands import run_text
@@ -190,3 +190,16 @@ def test_an_error_above_the_target_has_no_day_to_come(moved: rsicalib.History) -
     assert forecast.now > forecast.target
     said = next(line for line in moved.text().splitlines() if line.startswith("platform error"))
     assert "already" in said and forecast.day not in said
+
+
+def test_results_of_unknown_points_alone_say_that_nothing_is_compared(tmp_path: Path) -> None:
+    arm = rsicalib.Mechanism.from_toml(cone.mechanism(2e-5, 0.02, terms="[]"))
+    for month in (1, 2):
+        found = rsicalib.calibrate(
+            cone.session(month, poses=12, samples=2).table, arm, date=f"2026-0{month}-01"
+        )
+        found.save(tmp_path / f"{month}.json")
+    told = rsicalib.history(tmp_path, arm)
+    assert "no parameter of these results outlasts its session" in told.text()
+    assert "second result" not in str(told) and "parameter  last" not in told.text()
+    assert "no rate" in repr(told) and "nothing drifts" not in repr(told)

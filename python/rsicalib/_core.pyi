@@ -83,19 +83,20 @@ class Channel:
 class EvidenceSource:
     """What a report is drawn from, gathered where a report is asked for."""
 
+    def changes(
+        self, applied: Mapping[str, Any], covariance: Array | None = None, rms: Any = None
+    ) -> dict[str, Any]:
+        """What has changed since an earlier result with the covariance of its parameters, (k, k), and
+        whether that is worth an update where the loops close to `rms`, poses left out in turn. A trace
+        compares with what was asked for: what it found besides may be in the earlier session, too.
+        """
+
     def gather(self) -> dict[str, Any]:
         """The evidence in the shape of its schema."""
 
 @final
 class Fit:
     """A fitted model."""
-
-    def changes(
-        self, applied: Mapping[str, Any], covariance: Array | None = None, rms: Any = None
-    ) -> Any:
-        """What has changed since an earlier result with the covariance of its parameters, (k, k), and
-        whether that is worth an update where the loops close to `rms`, poses left out in turn.
-        """
 
     def check(
         self,

@@ -439,7 +439,7 @@ class Update(Record):
     """The same as a sentence."""
     chi2_per_dof: float
     """χ² of the readings under the earlier result, its uncertainty counted in, per degree of
-    freedom."""
+    freedom; of the parameters that both results have where other loops close in each session."""
     p_value: float
     """Probability of more by chance."""
     rms_before: float

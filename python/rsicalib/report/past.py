@@ -19,7 +19,7 @@ from rsicalib.report.figure import Figure, whole
 from rsicalib.report.page import FEW, document, listed, pictures, section, table
 from rsicalib.report.residuals import FAR
 from rsicalib.report.svg import WIDE, Axis, Canvas, Chart, bounds, fitted, width_of
-from rsicalib.report.words import number, plus_minus, probability
+from rsicalib.report.words import capital, number, plus_minus, probability
 from rsicalib.tabular import Tabular, Told
 from rsicalib.units import axis_words
 
@@ -220,10 +220,11 @@ class History(Told, Tabular, Record, kw_only=True, repr=False):
 
     def __repr__(self) -> str:
         drifting = ", ".join(one.key for one in _drifts(self)) or "nothing"
+        drifts = "no rate" if _no_rate(self) else f"{drifting} drifts"
         results = counted(len(self.results), "result")
         jumps = "".join(f", {one.key} jumped" for one in self.parameters if one.jumps)
         called = self.device or self.mechanism
-        return f"<History of {called!r}: {results}, {drifting} drifts{jumps}>"
+        return f"<History of {called!r}: {results}, {drifts}{jumps}>"
 
 
 def lines(history: History) -> list[str]:
@@ -235,12 +236,11 @@ def lines(history: History) -> list[str]:
         f"{called}: {results}, {first.valid_from} to {last.valid_from}",
         "",
         *(_past(one) for one in history.results),
-        "",
-        *_aligned(history.parameters),
     ]
-    drifts = _drifts(history)
-    names = ", ".join(f"{s.term}@{s.target}" for s in drifts)
-    out += ["", f"drifts beyond chance: {names or 'none'}" if _has_rates(history) else ONE_DATE]
+    if history.parameters:
+        out += ["", *_aligned(history.parameters)]
+    names = ", ".join(f"{s.term}@{s.target}" for s in _drifts(history))
+    out += ["", _no_rate(history) or f"drifts beyond chance: {names or 'none'}"]
     out += [event_words(one, jump) for one in history.parameters for jump in one.jumps]
     out += [scatter_words(one) for one in history.parameters if one.scatter]
     if history.session_only:
@@ -294,12 +294,13 @@ def _drifts(history: History) -> list[Series]:
     return [s for s in history.parameters if s.kind in DRIFTING]
 
 
-ONE_DATE = "no rate and no forecast: both need a second result, of a later date"
-
-
-def _has_rates(history: History) -> bool:
-    """Whether any parameter was estimated on two dates."""
-    return any(one.rate is not None for one in history.parameters)
+def _no_rate(history: History) -> str | None:
+    """Why nothing has a rate; None where any parameter was estimated on two dates."""
+    if any(one.rate is not None for one in history.parameters):
+        return None
+    if history.parameters or not history.session_only:
+        return "no rate and no forecast: both need a second result, of a later date"
+    return "no rate and no forecast: no parameter of these results outlasts its session"
 
 
 def event_words(one: Series, jump: Jump) -> str:
@@ -345,8 +346,8 @@ def page(history: History) -> str:
     drifting = ", ".join(f"{s.term} of {s.target}" for s in drifts)
     events = [event_words(one, jump) for one in history.parameters for jump in one.jumps]
     still = "Nothing drifts and nothing jumped beyond chance."
-    if not _has_rates(history):
-        still = f"{ONE_DATE[0].upper()}{ONE_DATE[1:]}."
+    if unrated := _no_rate(history):
+        still = f"{capital(unrated)}."
     if drifts or events:
         still = "" if drifts else "Nothing drifts beyond chance."
     verdict = f"{words}. " + (f"Drifting: {drifting}." if drifts else still)

@@ -280,7 +280,7 @@ class Work:
         try:
             update: dict[str, Any] = source.changes(applied, covariance_of(self.earlier), rms)
         except InputError:
-            return None  # the loops are not the same: unknown points, measured distances
+            return None  # they have no parameter in common
         return update
 
     def too_few(

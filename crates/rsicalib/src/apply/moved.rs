@@ -44,33 +44,44 @@ pub struct Compared {
 #[must_use]
 pub fn compared(mechanism: &Mechanism, earlier: &[Estimate], now: &[Estimate]) -> Vec<Compared> {
     let same = |new: &Estimate| {
-        earlier.iter().rfind(|old| (&old.spec, &old.name) == (&new.spec, &new.name))
+        let known = earlier.iter().map(|old| (&old.spec, &*old.name));
+        Some(parts_of(known, &new.spec, &new.name)).filter(|parts| !parts.is_empty())
     };
     let lasts = |new: &&Estimate| outlasts(mechanism, &new.spec) == Ok(Outlasts::Whole);
     let all = now.iter().enumerate().filter(|(_, new)| lasts(new));
-    let pairs: Vec<(usize, &Estimate, &Estimate)> =
+    let pairs: Vec<(usize, Vec<usize>, &Estimate)> =
         all.filter_map(|(k, new)| Some((k, same(new)?, new))).collect();
     let limit = two_sided_limit(CLEAN, pairs.len());
-    let compare = |(parameter, old, new): (usize, &Estimate, &Estimate)| {
-        let (shift, variance) = shifts(earlier, &old.spec);
-        let (before, after) = (old.value? + shift, new.value?);
-        let sd = old.sd?.hypot(variance.sqrt()).hypot(new.sd?);
+    let compare = |(parameter, parts, new): (usize, Vec<usize>, &Estimate)| {
+        let mut was = parts.iter().map(|&k| Some((earlier[k].value?, earlier[k].sd?)));
+        let sum =
+            |(all, sd): (f64, f64), one: Option<(f64, f64)>| Some((all + one?.0, sd.hypot(one?.1)));
+        let (before, spread) = was.try_fold((0.0, 0.0), sum)?;
+        let (after, sd) = (new.value?, spread.hypot(new.sd?));
         let moved = (after - before).abs() > limit * sd;
         Some(Compared { parameter, before, after, sd, moved })
     };
     pairs.into_iter().filter_map(compare).collect()
 }
 
-/// By how much an offset has been shifted at the end of its session, and the variance of that.
-fn shifts(earlier: &[Estimate], spec: &Spec) -> (f64, f64) {
+/// Which parameters of an earlier result add up to one at the end of their session: the last that is called so, and
+/// for an offset what a slip shifted it by. None where the result does not know it.
+pub(crate) fn parts_of<'a>(
+    earlier: impl DoubleEndedIterator<Item = (&'a Spec, &'a str)> + ExactSizeIterator + Clone,
+    spec: &Spec,
+    name: &str,
+) -> Vec<usize> {
+    let mut own = earlier.clone();
+    let Some(own) = own.rposition(|old| old == (spec, name)) else { return Vec::new() };
+    let shifts = earlier.enumerate().filter(|(_, (old, _))| shifts(old, spec));
+    std::iter::once(own).chain(shifts.map(|(k, _)| k)).collect()
+}
+
+/// True for what shifts an offset of the same channel.
+fn shifts(one: &Spec, offset: &Spec) -> bool {
     let role = |spec: &Spec| terms::find(&spec.term).map_or(Role::Other, |term| term.role());
-    if role(spec) != Role::Offset {
-        return (0.0, 0.0);
-    }
-    let of = |e: &&Estimate| role(&e.spec) == Role::Shift && e.spec.target == spec.target;
-    earlier.iter().filter(of).fold((0.0, 0.0), |(sum, variance), e| {
-        (sum + e.value.unwrap_or(0.0), variance + e.sd.unwrap_or(f64::INFINITY).powi(2))
-    })
+    let shifted = role(offset) == Role::Offset && role(one) == Role::Shift;
+    shifted && one.target == offset.target
 }
 
 #[cfg(test)]

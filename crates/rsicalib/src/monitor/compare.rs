@@ -34,10 +34,10 @@ use crate::readings::Readings;
 pub const CHANGED_LEVEL: f64 = 0.01;
 
 /// Most changes that are looked for.
-const MOST_CHANGES: usize = 4;
+pub(super) const MOST_CHANGES: usize = 4;
 
 /// Linearisations about the estimate of a change.
-const LINEARISATIONS: usize = 4;
+pub(super) const LINEARISATIONS: usize = 4;
 
 /// Rows by which a joint that has turned far is looked for.
 const SOME: usize = 48;
@@ -119,14 +119,14 @@ struct Session<'a> {
 
 /// A candidate, and what speaks for it.
 #[derive(Debug, Clone, Copy)]
-struct Ranked {
-    candidate: usize,
+pub(super) struct Ranked {
+    pub(super) candidate: usize,
     /// By how much `χ²` falls.
-    fit: f64,
+    pub(super) fit: f64,
     /// Logarithm of the probability of that by chance.
-    log_p: f64,
+    pub(super) log_p: f64,
     /// That probability for any of the candidates.
-    p_value: f64,
+    pub(super) p_value: f64,
 }
 
 /// The joint that explains a session best by another offset, wherever that is.
@@ -141,10 +141,10 @@ struct Turned {
 }
 
 /// A change that is named.
-struct Named {
-    candidate: usize,
-    p_value: f64,
-    also_fits: Vec<[String; 2]>,
+pub(super) struct Named {
+    pub(super) candidate: usize,
+    pub(super) p_value: f64,
+    pub(super) also_fits: Vec<[String; 2]>,
 }
 
 impl Ranked {
@@ -156,11 +156,46 @@ impl Ranked {
 
 impl Named {
     /// The first of these, with those that the readings cannot tell from it; none where chance makes as much.
-    fn first(watched: &Watched, ranked: &[Ranked]) -> Option<Self> {
+    pub(super) fn first(ranked: &[Ranked], name: impl Fn(usize) -> [String; 2]) -> Option<Self> {
         let best = ranked.first().filter(|best| best.p_value < CHANGED_LEVEL)?;
         let ties = ranked[1..].iter().filter(|one| one.ties(best));
-        let also_fits = ties.map(|one| name(watched, one.candidate)).collect();
+        let also_fits = ties.map(|one| name(one.candidate)).collect();
         Some(Self { candidate: best.candidate, p_value: best.p_value.min(1.0), also_fits })
+    }
+}
+
+impl Judged {
+    /// Probability of a larger `χ²` of so many degrees of freedom by chance.
+    pub(super) fn p_value(&self, chi2: f64, count: f64) -> f64 {
+        let dof = self.dof;
+        if dof.is_finite() { f_tail(chi2 / count, count, dof) } else { chi2_tail(chi2, count) }
+    }
+
+    /// Logarithm of the probability of a larger statistic by chance.
+    pub(super) fn log_p(&self, statistic: f64, rank: usize) -> f64 {
+        let dof = self.dof;
+        let statistic = if dof.is_finite() { as_chi2(statistic, dof) } else { statistic };
+        log_tail(statistic, rank as f64)
+    }
+}
+
+/// Chooses each change again beside the others, until none is another; one beside which chance makes as much
+/// is no change. One that is left alone stays: what was dropped may be likelier where nothing stands beside it. The
+/// rounds are bounded, should two choices alternate.
+pub(super) fn choose_again(
+    changes: &mut Vec<Named>,
+    mut beside: impl FnMut(&[Named]) -> Option<Named>,
+) {
+    let mut same = 0;
+    for _ in 0..MOST_CHANGES * MOST_CHANGES {
+        if same == changes.len() || changes.len() == 1 {
+            break;
+        }
+        let one = changes.remove(0);
+        let again = beside(changes);
+        let as_before = again.as_ref().is_some_and(|again| again.candidate == one.candidate);
+        same = if as_before { same + 1 } else { 0 };
+        changes.extend(again);
     }
 }
 
@@ -188,7 +223,7 @@ pub fn compare(
     let prior = watched.prior.clone();
     let rms_misclosure = session.misclosure(&watched);
     let mut pass = session.pass(&watched, &was, &prior);
-    let (chi2_per_dof, p_value) = (pass.chi2 / count, session.p_value(pass.chi2, count));
+    let (chi2_per_dof, p_value) = (pass.chi2 / count, judged.p_value(pass.chi2, count));
     let mut changes: Vec<Named> = Vec::new();
     let mut tried = Vec::new();
     let before = was.clone();
@@ -203,7 +238,7 @@ pub fn compare(
     }
     for _ in 0..MOST_CHANGES {
         let ranked = session.ranked(&watched, &pass, &tried);
-        let Some(best) = Named::first(&watched, &ranked) else { break };
+        let Some(best) = Named::first(&ranked, |one| name(&watched, one)) else { break };
         tried.push(best.candidate);
         changes.push(best);
         pass = session.choose_again(&mut watched, &was, &mut changes);
@@ -224,7 +259,7 @@ pub fn compare(
     }
     let told = changes.iter().map(|one| watched.candidates[one.candidate].columns.len());
     let told = told.sum::<usize>() + usize::from(far.is_some());
-    let left = session.p_value(pass.chi2, (count - told as f64).max(1.0));
+    let left = judged.p_value(pass.chi2, (count - told as f64).max(1.0));
     changes.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
     let found = changes.into_iter().map(|Named { candidate: k, p_value, also_fits }| {
         let (values, covariance, alone) =
@@ -369,37 +404,15 @@ impl<'a> Session<'a> {
         pass
     }
 
-    /// Chooses each change again beside the others, until none is another; one beside which chance makes as much
-    /// is no change. Gives the state at the estimates of those that are left. One that is left alone stays: what was
-    /// dropped may be likelier where nothing stands beside it. The rounds are bounded, should two choices alternate.
+    /// Chooses each change again, and gives the state at the estimates of those that are left.
     fn choose_again(&self, watched: &mut Watched, was: &[f64], changes: &mut Vec<Named>) -> Pass {
-        let mut same = 0;
-        for _ in 0..MOST_CHANGES * MOST_CHANGES {
-            if same == changes.len() || changes.len() == 1 {
-                break;
-            }
-            let one = changes.remove(0);
-            let pass = self.settle(watched, was, changes);
-            let others: Vec<usize> = changes.iter().map(|other| other.candidate).collect();
-            let again = Named::first(watched, &self.ranked(watched, &pass, &others));
-            let as_before = again.as_ref().is_some_and(|again| again.candidate == one.candidate);
-            same = if as_before { same + 1 } else { 0 };
-            changes.extend(again);
-        }
+        choose_again(changes, |others| {
+            let pass = self.settle(watched, was, others);
+            let taken: Vec<usize> = others.iter().map(|other| other.candidate).collect();
+            let ranked = self.ranked(watched, &pass, &taken);
+            Named::first(&ranked, |candidate| name(watched, candidate))
+        });
         self.settle(watched, was, changes)
-    }
-
-    /// Probability of a larger `χ²` of all readings by chance.
-    fn p_value(&self, chi2: f64, count: f64) -> f64 {
-        let dof = self.judged.dof;
-        if dof.is_finite() { f_tail(chi2 / count, count, dof) } else { chi2_tail(chi2, count) }
-    }
-
-    /// Logarithm of the probability of a larger statistic by chance.
-    fn log_p(&self, statistic: f64, rank: usize) -> f64 {
-        let dof = self.judged.dof;
-        let statistic = if dof.is_finite() { as_chi2(statistic, dof) } else { statistic };
-        log_tail(statistic, rank as f64)
     }
 
     /// Candidates by how improbable they are by chance.
@@ -411,7 +424,7 @@ impl<'a> Session<'a> {
         for (number, candidate) in watched.candidates.iter().enumerate() {
             let (fit, rank) = score.test(&candidate.columns, &pass.state, &pass.now, &none);
             if rank > 0 && !tried.contains(&number) {
-                let log_p = self.log_p(fit, rank);
+                let log_p = self.judged.log_p(fit, rank);
                 let p_value = log_p.exp() * tests;
                 ranked.push(Ranked { candidate: number, fit, log_p, p_value });
             }

@@ -45,6 +45,7 @@
 //! | | `weighing` | two changes in one row, what is stuck, what has no name |
 
 pub mod alarm;
+pub mod by_parameters;
 pub mod closing;
 pub mod compare;
 mod drift;
@@ -82,4 +83,5 @@ mod windows;
 pub use alarm::{Action, Alarm, Change};
 pub use options::{MonitorOptions, Quiet};
 pub use order::Counts;
+pub(crate) use watched::tells_by_rows;
 pub use watching::Monitor;

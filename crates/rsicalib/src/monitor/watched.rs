@@ -243,29 +243,41 @@ impl Candidate {
         values: &DVector<f64>,
         covariance: &DMatrix<f64>,
     ) -> (Vec<Change>, [f64; 2], String) {
-        let own = self.parameters.iter().zip(&self.scale).enumerate();
-        let parameters: Vec<Change> = own
-            .map(|(i, ((name, unit), scale))| Change {
-                name: (*name).into(),
-                value: values[i] * scale,
-                sd: covariance[(i, i)].max(0.0).sqrt() * scale,
-                unit: unit.clone(),
-            })
-            .collect();
-        let unit = self.parameters[0].1.clone();
-        if let [only] = &*parameters {
-            let size = [only.value, only.sd];
-            return (parameters, size, unit);
-        }
-        // The length of the displacement.
-        let along: Vec<usize> =
-            (0..parameters.len()).filter(|&i| parameters[i].unit == unit).collect();
-        let size = along.iter().map(|&i| parameters[i].value.powi(2)).sum::<f64>().sqrt();
-        let part = |i: usize| parameters[i].value * self.scale[i] / size.max(f64::MIN_POSITIVE);
-        let pairs = along.iter().flat_map(|&i| along.iter().map(move |&j| (i, j)));
-        let variance: f64 = pairs.map(|(i, j)| part(i) * part(j) * covariance[(i, j)]).sum();
-        (parameters, [size, variance.max(0.0).sqrt()], unit)
+        let scale = |i: usize| self.scale[i];
+        let values = DVector::from_fn(values.len(), |i, _| values[i] * scale(i));
+        let (rows, columns) = covariance.shape();
+        let covariance =
+            DMatrix::from_fn(rows, columns, |i, j| covariance[(i, j)] * scale(i) * scale(j));
+        let own = self.parameters.iter().map(|(name, unit)| (*name, &**unit));
+        displacement(own, &values, &covariance)
     }
+}
+
+/// Parameters of a change by their names and units; the length of the displacement that they are, with its standard
+/// deviation, and its unit.
+pub(crate) fn displacement<'a>(
+    named: impl Iterator<Item = (&'a str, &'a str)>,
+    values: &DVector<f64>,
+    covariance: &DMatrix<f64>,
+) -> (Vec<Change>, [f64; 2], String) {
+    let change = |(i, (name, unit)): (usize, (&str, &str))| Change {
+        name: name.into(),
+        value: values[i],
+        sd: covariance[(i, i)].max(0.0).sqrt(),
+        unit: unit.into(),
+    };
+    let parameters: Vec<Change> = named.enumerate().map(change).collect();
+    let unit = parameters[0].unit.clone();
+    if let [only] = &*parameters {
+        let size = [only.value, only.sd];
+        return (parameters, size, unit);
+    }
+    let along: Vec<usize> = (0..parameters.len()).filter(|&i| parameters[i].unit == unit).collect();
+    let size = along.iter().map(|&i| values[i].powi(2)).sum::<f64>().sqrt();
+    let part = |i: usize| values[i] / size.max(f64::MIN_POSITIVE);
+    let pairs = along.iter().flat_map(|&i| along.iter().map(move |&j| (i, j)));
+    let variance: f64 = pairs.map(|(i, j)| part(i) * part(j) * covariance[(i, j)]).sum();
+    (parameters, [size, variance.max(0.0).sqrt()], unit)
 }
 
 /// Name and unit of each parameter of a term at a target.
@@ -277,6 +289,11 @@ fn names(mechanism: &Mechanism, info: &Info, target: Target) -> Vec<(&'static st
         other => other.to_string(),
     };
     info.parameters.iter().map(|p| (p.name, unit(p.unit))).collect()
+}
+
+/// True where the rows of one session can be tested under the calibration of another.
+pub(crate) fn tells_by_rows(mechanism: &Mechanism, applied: &Applied) -> bool {
+    refuse(mechanism).is_ok() && refuse_context(mechanism, applied).is_ok()
 }
 
 /// Refuses mechanisms whose loops are not closed in every sample.

@@ -9,7 +9,9 @@ use crate::estimate::intervals::wider;
 use crate::estimate::significance::NORMAL_95;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
+use crate::monitor::by_parameters::compare_results;
 use crate::monitor::compare::{Comparison, Found, Judged, compare};
+use crate::monitor::tells_by_rows;
 use crate::text::significant;
 
 /// A later session against an earlier result.
@@ -22,7 +24,7 @@ pub struct Update {
     /// The same as a sentence.
     pub text: String,
     /// χ² of the readings under the earlier result, its uncertainty counted in, per degree of
-    /// freedom.
+    /// freedom; of the parameters that both results have where other loops close in each session.
     pub chi2_per_dof: f64,
     /// Probability of more by chance.
     pub p_value: f64,
@@ -83,7 +85,10 @@ impl Update {
             inflation: fit.noise.inflation * wider(fit),
             dof: fit.noise.dof_of_pose(),
         };
-        let found = compare(earlier, covariance, observations, &judged)?;
+        let found = match tells_by_rows(&observations.mechanism, earlier) {
+            true => compare(earlier, covariance, observations, &judged)?,
+            false => compare_results(earlier, covariance, (observations, fit), &judged)?,
+        };
         Self::of(&observations.mechanism, earlier, found, rms_after)
     }
 
