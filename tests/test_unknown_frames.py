@@ -43,12 +43,14 @@ def session(
     joints: Array = PLATE,
     marks: Array = BALLS,
     knocked: tuple[int, Array, Rotation] | None = None,
+    pushed: tuple[int, int, Array] | None = None,
 ) -> tuple[rsicalib.Mechanism, rsicalib.Readings, Array]:
     """A hexapod with some of its legs, its readings, and where the balls were.
 
     `moved` is how far its feet stand from where they are drawn; `joints` are where the plate
     has its own, and `marks` its balls. The instrument is knocked before a pose: so far along
-    and about its axes.
+    and about its axes. A ball is pushed along the axes of the plate before a pose: `pushed` has
+    the pose, the ball and how far.
     """
     feet = FEET if moved is None else FEET + moved
     rng = np.random.default_rng(5)
@@ -64,6 +66,9 @@ def session(
     lengths = np.linalg.norm(carried(joints[own]) - feet[own], axis=2)
     read = lengths - rng.normal(0, 1, legs) + rng.normal(0, LENGTH, lengths.shape)
     at = carried(marks[:balls])
+    if pushed is not None:
+        first, ball, by = pushed
+        at[first:, ball] += plates[first:].apply(by)
     seen = turned.inv().apply((at - ORIGIN).reshape(-1, 3)).reshape(at.shape)
     if knocked is not None:
         first, along, about = knocked
@@ -185,6 +190,19 @@ def test_an_end_that_is_elsewhere_than_drawn_is_named(end: str, of: Array, effec
     told = [(p.value, p.sd) for p in step.parameters]
     for (value, sd), truth in zip(told, moved[2], strict=True):
         assert sd is not None and abs(value - truth) < 4 * sd
+
+
+@pytest.mark.parametrize("ball", [0, 1])
+def test_a_ball_that_is_pushed_once_is_named_with_its_pose(ball: int) -> None:
+    """Along the axes of the plate, on which it stays."""
+    by = np.array([0.2, -0.15, 0.25])
+    drawn, readings, _ = session(TURNS["anyhow"], 6, 3, pushed=(17, ball, by))
+    found = rsicalib.trace(readings, drawn)
+    (step,) = found.steps
+    assert (step.term, step.target, step.place) == ("attachment_slip", f"ball {ball}", "17")
+    assert found.verdict == "explained"
+    for parameter, truth in zip(step.parameters, by, strict=True):
+        assert parameter.sd is not None and abs(parameter.value - truth) < 4 * parameter.sd
 
 
 def test_an_instrument_that_is_knocked_once_is_named_with_its_pose() -> None:

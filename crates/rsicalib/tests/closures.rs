@@ -344,6 +344,38 @@ fn a_joint_of_a_plate_that_sits_elsewhere_moves_along_the_axes_of_the_plate() {
     check_readings(&model, &readings, &beta);
 }
 
+#[test]
+fn a_joint_of_a_plate_that_was_knocked_sits_elsewhere_from_its_pose_on() {
+    let device = plate(How::Held, 3);
+    let readings = device.readings();
+    let (place, slip) = (readings.poses() / 2, [0.02, -0.03, 0.05]);
+    let (mut all, values) = device.terms(&readings, &["attachment_position"], 4);
+    let knocked = 1;
+    let term = find("attachment_slip").expect("the term");
+    all.push(Instance { term, target: Target::Closure(knocked), place });
+    let (model, beta) = device.model(&readings, &all, &[values, slip.to_vec()].concat());
+    let sits: Vec<[f64; 3]> =
+        beta[..beta.len() - 3].chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect();
+    for (block, meta) in readings.blocks().iter().enumerate() {
+        let at = placed(&model, &readings, block, &beta);
+        let ws = evaluated(&model, &readings, block, &at, &beta);
+        for (lane, &row) in meta.rows[..meta.live].iter().enumerate() {
+            let mut moved = sits.clone();
+            if readings.pose[row] >= place {
+                moved[knocked].iter_mut().zip(slip).for_each(|(at, by)| *at += by);
+            }
+            let pose = std::array::from_fn(|k| ws.xi[k].0[lane]);
+            let long = lengths(&device.mechanism, &pose, &moved);
+            for ((f, long), read) in ws.f.iter().zip(long).zip(legs(&device, readings.row(row))) {
+                let off = f.0[lane] - (long - read);
+                assert!(off.abs() < 1e-13, "{row}: {} for {}", f.0[lane], long - read);
+            }
+        }
+    }
+    check_parameters(&model, &readings, &beta, 0..model.parameters);
+    check_readings(&model, &readings, &beta);
+}
+
 /// What the channels of a plate read, as lengths.
 fn legs(device: &Device, row: &[f64]) -> Vec<f64> {
     device.mechanism.channels.iter().zip(row).map(|(c, read)| c.gain * read + c.offset).collect()

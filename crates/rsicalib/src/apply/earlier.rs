@@ -16,6 +16,7 @@ use crate::estimate::Part;
 use crate::estimate::settle::settled;
 use crate::mechanism::{Channel, Closure, Mechanism, Point, Target};
 use crate::model::{Instance, Model, Spec, Thing, Want, Workspace, instances_of, is_unknown_thing};
+use crate::numerics::lanes::Lanes;
 use crate::readings::{Readings, Table};
 use crate::terms::term::{Outlasts, Over, Per, Role, Term};
 use crate::{Error, terms};
@@ -468,8 +469,9 @@ impl Under {
         for (block, meta) in readings.blocks().iter().enumerate() {
             let found = settled(&part, &self.noise, block, beta);
             let xi = &found[readings.channels..];
+            let gates: Vec<Lanes> = model.gates_in(meta).collect();
             for (number, out) in out.iter_mut().enumerate() {
-                let at = model.posed.place(number, xi, beta);
+                let at = model.posed_point(number, xi, beta, &gates);
                 for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
                     out[row] = at.map(|coordinate| coordinate.0[lane]);
                 }

@@ -9,7 +9,7 @@ use crate::model::compiled::{
     Added, CompiledClosure, Gate, Gating, LoadAt, Model, ShapeAt, TermAt,
 };
 use crate::model::drives::Drives;
-use crate::model::ends::{self, End, Knock, MovedEnd, Moving, Only};
+use crate::model::ends::{self, Attached, End, Move, MovedEnd, Moving, Only};
 use crate::model::instance::{Instance, bound_to_session};
 use crate::model::law_at::LawAt;
 use crate::model::numbering::{Owned, Unknown, number_unknowns};
@@ -299,20 +299,11 @@ impl Model {
                         self.loads.push(LoadAt { whose, chain, channel, parameter: first });
                     }
                 }
-                Acts::Attachment => {
-                    let Target::Closure(closure) = instance.target else { continue };
-                    let Some(point) = self.mechanism.attachment(closure) else { continue };
-                    if self.mechanism.points[point].chain.is_some() {
-                        self.attached.push((point, first));
-                        continue;
-                    }
-                    let number = ends::number_of_moving(&self.mechanism, point);
-                    self.posed.points[number].moved_by = Some(first);
-                }
                 Acts::Geometry(_)
                 | Acts::Distance
                 | Acts::Surface(_)
                 | Acts::End
+                | Acts::Attachment
                 | Acts::Instrument => {
                     let gate = |acts| Gate { instance: number, acts };
                     if instance.term.placed() == Placed::AtPose {
@@ -323,10 +314,31 @@ impl Model {
                 }
             }
         }
+        self.attach();
         let channels = self.mechanism.channels.len();
         for law in &mut self.laws {
             self.amounts += law.number(channels + self.amounts);
         }
+    }
+
+    /// Sorts what moves points on the chains and the bodies that carry them, and tells those of bodies.
+    fn attach(&mut self) {
+        let instances = self.instances.iter().zip(&self.first).enumerate();
+        let own = instances.filter_map(|(number, (instance, &first))| {
+            let Target::Closure(closure) = instance.target else { return None };
+            let point = self.mechanism.attachment(closure)?;
+            let by = Move { first, gate: self.gate_of(number) };
+            matches!(instance.term.acts(), Acts::Attachment).then_some(Attached { point, by })
+        });
+        let mut attached: Vec<Attached> = own.collect();
+        attached.sort_by_key(|own| own.point);
+        for own in &attached {
+            if self.mechanism.points[own.point].chain.is_none() {
+                let number = ends::number_of_moving(&self.mechanism, own.point);
+                self.posed.points[number].moved_by = ends::moves_of(&attached, own.point);
+            }
+        }
+        self.attached = attached;
     }
 
     fn compile_chains(&mut self) -> Result<(), Error> {
@@ -486,13 +498,13 @@ impl Model {
     }
 
     /// What moves the instrument that sees an end of a closure.
-    fn knocks_of(&self, closure: usize) -> Vec<Knock> {
+    fn knocks_of(&self, closure: usize) -> Vec<Move> {
         let instances = self.instances.iter().zip(&self.first).enumerate();
         let own = instances.filter_map(|(number, (instance, &first))| {
             let Target::Closure(own) = instance.target else { return None };
             let acts = matches!(instance.term.acts(), Acts::Instrument);
             (acts && self.mechanism.seen_alike(own, closure))
-                .then(|| Knock { first, gate: self.gate_of(number) })
+                .then(|| Move { first, gate: self.gate_of(number) })
         });
         own.collect()
     }
@@ -503,9 +515,9 @@ impl Model {
         let instances = self.instances.iter().zip(&self.first).enumerate();
         let moved = |(number, (instance, &first)): (usize, (&Instance, &usize))| {
             let only = self.at_closure(instance.target, closure)?;
-            let gate = self.gate_of(number);
+            let by = Move { first, gate: self.gate_of(number) };
             let acts = matches!(instance.term.acts(), Acts::End);
-            acts.then_some(MovedEnd { end, first, gate, only })
+            acts.then_some(MovedEnd { end, by, only })
         };
         instances.filter_map(moved).collect()
     }

@@ -8,7 +8,7 @@ use crate::kinematics::elements::{Element, Source, Way, Weight};
 use crate::kinematics::posture::Lever;
 use crate::mechanism::{ClosureKind, Mechanism, Target};
 use crate::model::drives::Drives;
-use crate::model::ends::{End, Knock, Measured, MovedEnd, Moving, Only};
+use crate::model::ends::{Attached, End, Measured, Move, MovedEnd, Moving, Only};
 use crate::model::instance::Instance;
 use crate::model::law_at::LawAt;
 use crate::model::numbering::{Owned, Unknown};
@@ -217,11 +217,10 @@ pub struct Model {
     pub(crate) axes: Vec<[[f64; 3]; 3]>,
     /// Points and bodies that are somewhere else in each pose.
     pub(crate) posed: Moving,
-    /// Points of chains that a term moves along the axes of the frame that carries them, each with the first of
-    /// three parameters.
-    pub(crate) attached: Vec<(usize, usize)>,
+    /// Points that terms move on the chain or the body that carries them, sorted by their numbers.
+    pub(crate) attached: Vec<Attached>,
     /// Knocks of instruments, closure by closure.
-    pub(crate) knocks: Vec<Knock>,
+    pub(crate) knocks: Vec<Move>,
     pub(crate) equations: usize,
     pub(crate) steps: Vec<Vec<Element>>,
     pub(crate) closures: Vec<CompiledClosure>,
@@ -455,7 +454,7 @@ impl Model {
         for closure in &self.closures {
             let mut columns: Vec<usize> = closure.added.iter().map(|a| a.parameter).collect();
             columns.extend(closure.shapes.iter().flat_map(|s| s.first..s.first + s.width));
-            columns.extend(closure.moved.iter().flat_map(|m| m.first..m.first + 3));
+            columns.extend(closure.moved.iter().flat_map(|m| m.by.first..m.by.first + 3));
             self.columns_of_channels(&seen, None, &mut columns);
             for joint in self.laws.iter().flat_map(|law| law.hangs.iter().flatten()) {
                 let channels = self.mechanism.channels_of(joint.chain);
@@ -471,10 +470,14 @@ impl Model {
             if let Some(channel) = closure.channel {
                 self.columns_of_channels(&[channel], None, &mut columns);
             }
+            let moves = |[from, to]: [usize; 2]| {
+                let own = self.attached[from..to].iter();
+                own.flat_map(|own| own.by.first..own.by.first + 3)
+            };
             for end in &closure.ends {
                 match end {
                     End::Carried(chain, _, moved_by) => {
-                        columns.extend(moved_by.iter().copied().flat_map(|first| first..first + 3));
+                        columns.extend(moves(*moved_by));
                         let channels = self.mechanism.channels_of(*chain);
                         self.columns_of_channels(&channels, Some(*chain), &mut columns);
                     }
@@ -488,8 +491,7 @@ impl Model {
                     }
                     End::Coordinate(c) => self.columns_of_channels(&[*c], None, &mut columns),
                     End::Posed(number) => {
-                        let moved_by = self.posed.points[*number].moved_by;
-                        columns.extend(moved_by.into_iter().flat_map(|first| first..first + 3));
+                        columns.extend(moves(self.posed.points[*number].moved_by));
                     }
                     End::Fixed(_) => {}
                 }

@@ -21,17 +21,17 @@ pub(crate) enum Measured {
     Unknown(usize),
 }
 
-/// A term that moves an instrument along and about its own axes.
+/// A move along three axes, or along and about them: of a term at the end of a closure.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Knock {
-    /// The first of six parameters.
+pub(crate) struct Move {
+    /// The first of three parameters, or of six.
     pub(crate) first: usize,
     /// Number of its gate; none where it acts in all samples.
     pub(crate) gate: Option<usize>,
 }
 
-impl Knock {
-    /// Where its movement along an axis, or from the fourth on about one, comes from.
+impl Move {
+    /// Where the move along an axis, or from the fourth on about one, comes from.
     #[inline(always)]
     pub(crate) fn source(&self, k: usize) -> Source {
         match self.gate {
@@ -40,19 +40,51 @@ impl Knock {
         }
     }
 
-    /// What the instrument reads, turned as it was.
+    /// How much of it acts in each sample.
+    #[inline(always)]
+    pub(crate) fn acts(&self, gates: &[Lanes]) -> Lanes {
+        self.gate.map_or(Lanes::ONE, |gate| gates[gate])
+    }
+
+    /// What an instrument reads that is turned about its own axes.
     #[inline(always)]
     pub(crate) fn turned(&self, read: &Vec3, beta: &[f64]) -> Vec3 {
         rotate(&turned(&beta[self.first + 3..self.first + 6]), read)
     }
+
+    /// A point that is moved along these axes.
+    #[inline(always)]
+    pub(crate) fn along(&self, point: &mut Vec3, axes: &[Vec3; 3], beta: &[f64], gates: &[Lanes]) {
+        let acts = self.acts(gates);
+        for (k, axis) in axes.iter().enumerate() {
+            let by = acts * beta[self.first + k];
+            for (at, axis) in point.iter_mut().zip(axis) {
+                *at = *at + *axis * by;
+            }
+        }
+    }
+}
+
+/// A point that a term moves along the axes of the chain or the body that carries it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Attached {
+    /// Its number in the mechanism.
+    pub(crate) point: usize,
+    /// By what it is moved.
+    pub(crate) by: Move,
+}
+
+/// Which of these, sorted by their points, move a point: the first, and one beyond the last.
+pub(crate) fn moves_of(attached: &[Attached], point: usize) -> [usize; 2] {
+    [point, point + 1].map(|limit| attached.partition_point(|own| own.point < limit))
 }
 
 /// One end of a closure.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum End {
-    /// On a chain: index of the chain, position in the frame at its end, and the first of three parameters of
-    /// a term that moves it along the axes of this frame.
-    Carried(usize, [f64; 3], Option<usize>),
+    /// On a chain: index of the chain, position in the frame at its end, and which of the attached points are
+    /// this one: the first, and one beyond the last.
+    Carried(usize, [f64; 3], [usize; 2]),
     /// Fixed in the base.
     Fixed([f64; 3]),
     /// An unknown point: its number among what is unknown, and what is drawn; its free coordinates
@@ -72,10 +104,8 @@ pub(crate) enum End {
 pub(crate) struct MovedEnd {
     /// The first end or the second.
     pub(crate) end: usize,
-    /// The first of three parameters.
-    pub(crate) first: usize,
-    /// Number of its gate; none where it acts in all samples.
-    pub(crate) gate: Option<usize>,
+    /// By what it is moved.
+    pub(crate) by: Move,
     /// The place whose end it moves; none where it moves all.
     pub(crate) only: Option<Only>,
 }
@@ -89,17 +119,6 @@ pub(crate) struct Only {
     pub(crate) place: usize,
 }
 
-impl MovedEnd {
-    /// Where its movement along an axis comes from.
-    #[inline(always)]
-    pub(crate) fn source(&self, axis: usize) -> Source {
-        match self.gate {
-            Some(gate) => Source::Gated(self.first + axis, gate),
-            None => Source::Parameter(self.first + axis),
-        }
-    }
-}
-
 /// A point that is somewhere else in each pose.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Posed {
@@ -109,8 +128,8 @@ pub(crate) struct Posed {
     pub(crate) slots: [Option<usize>; 3],
     /// The body that carries it.
     pub(crate) body: Option<usize>,
-    /// The first of three parameters of a term that moves it along the axes of its body.
-    pub(crate) moved_by: Option<usize>,
+    /// Which of the attached points are this one: the first, and one beyond the last.
+    pub(crate) moved_by: [usize; 2],
 }
 
 /// A rigid body that is somewhere else in each pose.
@@ -148,7 +167,7 @@ impl Moving {
             at: p.at.unwrap_or_default(),
             slots: p.frees().map(|free| free.then(&mut next)),
             body: mechanism.body_of(p).and_then(|own| frames.iter().position(|f| *f == own)),
-            moved_by: None,
+            moved_by: [0, 0],
         });
         let points = points.collect();
         let bodies = frames.iter().map(|f| Body {
@@ -176,35 +195,26 @@ impl Moving {
         points.chain(self.bodies.iter_mut().flat_map(|b| &mut b.slots))
     }
 
-    /// Where a point is, with what its coordinates in a pose and the parameters of the model are.
+    /// Where a point is as drawn, with what its coordinates in a pose are.
     #[inline(always)]
-    pub(crate) fn place(&self, number: usize, xi: &[Lanes], beta: &[f64]) -> Vec3 {
-        let Posed { at, slots, body, moved_by } = &self.points[number];
+    pub(crate) fn place(&self, number: usize, xi: &[Lanes]) -> Vec3 {
+        let Posed { at, slots, body, .. } = &self.points[number];
         let Some(body) = body else {
             return std::array::from_fn(|i| slots[i].map_or(Lanes::splat(at[i]), |k| xi[k]));
         };
         let (origin, rotation, _) = self.pose(*body, xi);
-        let at: [f64; 3] =
-            std::array::from_fn(|j| at[j] + moved_by.map_or(0.0, |first| beta[first + j]));
         std::array::from_fn(|i| {
             let turned = (0..3).map(|j| rotation[i][j] * at[j]);
             turned.fold(origin[i], |sum, part| sum + part)
         })
     }
 
-    /// The parameters that move a point on its body, each with the axis of the body along which it does.
+    /// The axes of the body that carries a point; those of the base where none does.
     #[inline(always)]
-    pub(crate) fn moves_on_body(
-        &self,
-        number: usize,
-        xi: &[Lanes],
-    ) -> impl Iterator<Item = (usize, Vec3)> + use<> {
-        let Posed { body, moved_by, .. } = &self.points[number];
-        let along = moved_by.zip(*body).map(|(first, body)| {
-            let (_, [x, y, z], _) = self.pose(body, xi);
-            [0, 1, 2].map(|k| (first + k, [x[k], y[k], z[k]]))
-        });
-        along.into_iter().flatten()
+    pub(crate) fn axes(&self, number: usize, xi: &[Lanes]) -> [Vec3; 3] {
+        let Some(body) = self.points[number].body else { return [unit(0), unit(1), unit(2)] };
+        let (_, [x, y, z], _) = self.pose(body, xi);
+        [0, 1, 2].map(|k| [x[k], y[k], z[k]])
     }
 
     /// How a point moves with each of its coordinates in a pose.
@@ -261,12 +271,12 @@ pub(crate) fn unit(axis: usize) -> Vec3 {
 
 /// The ends of a closure.
 ///
-/// `attached` are points that a term moves on the chain that carries them, each with the first parameter.
+/// `attached` are points that terms move on what carries them, sorted.
 pub(crate) fn ends(
     mechanism: &Mechanism,
     closure: &Closure,
     owned: &[Owned],
-    attached: &[(usize, usize)],
+    attached: &[Attached],
 ) -> Result<[End; 2], Error> {
     let [one, other] = closure.kind.facts().between;
     let end = |part: Part, name: &str| match part {
@@ -282,7 +292,7 @@ fn point(
     mechanism: &Mechanism,
     name: &str,
     owned: &[Owned],
-    attached: &[(usize, usize)],
+    attached: &[Attached],
 ) -> Result<End, Error> {
     let index = mechanism.point_index(name)?;
     let point = &mechanism.points[index];
@@ -314,8 +324,7 @@ fn point(
     }
     Ok(match (&point.chain, &point.frame) {
         (Some(chain), _) => {
-            let moved_by = attached.iter().find(|(own, _)| *own == index).map(|(_, first)| *first);
-            End::Carried(mechanism.chain_index(chain)?, at, moved_by)
+            End::Carried(mechanism.chain_index(chain)?, at, moves_of(attached, index))
         }
         (None, None) => End::Fixed(at),
         (None, Some(frame)) => {

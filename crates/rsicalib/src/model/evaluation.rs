@@ -25,12 +25,12 @@ use crate::kinematics::posture::Posture;
 use crate::mechanism::MOST_PARAMETERS;
 use crate::model::compiled::{CompiledClosure, Model, Patch};
 use crate::model::drives::Drives;
-use crate::model::ends::{End, Measured, rotate, seen_from, turn_axes, turned, unit};
+use crate::model::ends::{End, Measured, moves_of, rotate, seen_from, turn_axes, turned, unit};
 use crate::model::lean::Lean;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3, cross, dispatch, dot, minus};
-use crate::readings::Readings;
 use crate::readings::course::{Followed, Late, Moved};
+use crate::readings::{Block, Readings};
 use crate::terms::term::Site;
 
 /// True for the parameters of a term that changes nothing: a law that every term keeps. Most terms
@@ -114,7 +114,7 @@ impl Model {
         ws.xi.extend_from_slice(xi);
         self.joint_angles(readings, block, a, beta, want, ws);
         ws.gates.clear();
-        ws.gates.extend(self.gates.iter().map(|gate| gate.of(&readings.blocks()[block])));
+        ws.gates.extend(self.gates_in(&readings.blocks()[block]));
         if !self.laws.is_empty() {
             self.take_laws(readings, block, beta, want, ws);
         }
@@ -392,9 +392,9 @@ impl Model {
             ];
             let mut ends = placed;
             for moved in closure.moved.iter().filter(|m| self.touches(m.only, group)) {
-                let acts = moved.gate.map_or(Lanes::ONE, |g| ws.gates[g]);
+                let acts = moved.by.acts(&ws.gates);
                 for (axis, at) in ends[moved.end].iter_mut().enumerate() {
-                    *at += acts * beta[moved.first + axis];
+                    *at += acts * beta[moved.by.first + axis];
                 }
             }
             let apart = minus(&ends[0], &ends[1]);
@@ -485,7 +485,15 @@ impl Model {
             for moved in closure.moved.iter().filter(|m| here(m.only)) {
                 let sign = [1.0, -1.0][moved.end];
                 for axis in 0..3 {
-                    self.add_column(closure, moved.source(axis), &unit(axis), &at, sign, want, ws);
+                    self.add_column(
+                        closure,
+                        moved.by.source(axis),
+                        &unit(axis),
+                        &at,
+                        sign,
+                        want,
+                        ws,
+                    );
                 }
             }
             for (end, sign) in closure.ends.iter().zip([1.0, -1.0]) {
@@ -501,13 +509,8 @@ impl Model {
                             let (source, moved) = (lever.source, lever.moves(point));
                             self.add_column(closure, source, &moved, &at, sign, want, ws);
                         }
-                        if let Some(first) = moved_by.filter(|_| want.x) {
-                            for axis in 0..3 {
-                                let along = ws.postures[*chain].tip.axes[axis];
-                                let parameter = Source::Parameter(first + axis);
-                                self.add_column(closure, parameter, &along, &at, sign, want, ws);
-                            }
-                        }
+                        let axes = ws.postures[*chain].tip.axes;
+                        self.add_attached(closure, *moved_by, &axes, &at, sign, want, ws);
                     }
                     End::Unknown(number, _, free) => {
                         let mut source = self.unknown_column(*number);
@@ -528,9 +531,10 @@ impl Model {
                                 ws.b[entry] += closure.kind.by_end(&at, row, &moved, sign);
                             }
                         }
-                        for (parameter, axis) in self.posed.moves_on_body(*number, &ws.xi) {
-                            let parameter = Source::Parameter(parameter);
-                            self.add_column(closure, parameter, &axis, &at, sign, want, ws);
+                        let moved_by = self.posed.points[*number].moved_by;
+                        if moved_by[0] < moved_by[1] {
+                            let axes = self.posed.axes(*number, &ws.xi);
+                            self.add_attached(closure, moved_by, &axes, &at, sign, want, ws);
                         }
                     }
                     End::Seen(columns, frame, [from, to]) => {
@@ -678,6 +682,63 @@ impl Model {
         }
     }
 
+    /// A point that some of the attached moves move along these axes.
+    #[inline(always)]
+    fn moved_along(
+        &self,
+        mut point: Vec3,
+        [from, to]: [usize; 2],
+        axes: &[Vec3; 3],
+        beta: &[f64],
+        gates: &[Lanes],
+    ) -> Vec3 {
+        for own in &self.attached[from..to] {
+            own.by.along(&mut point, axes, beta, gates);
+        }
+        point
+    }
+
+    /// Where a point is that is somewhere else in each pose.
+    #[inline(always)]
+    pub(crate) fn posed_point(
+        &self,
+        number: usize,
+        xi: &[Lanes],
+        beta: &[f64],
+        gates: &[Lanes],
+    ) -> Vec3 {
+        let (at, moved_by) = (self.posed.place(number, xi), self.posed.points[number].moved_by);
+        if moved_by[0] == moved_by[1] {
+            return at;
+        }
+        self.moved_along(at, moved_by, &self.posed.axes(number, xi), beta, gates)
+    }
+
+    /// How much of each motion acts in the samples of a block.
+    #[inline(always)]
+    pub(crate) fn gates_in(&self, block: &Block) -> impl Iterator<Item = Lanes> {
+        self.gates.iter().map(move |gate| gate.of(block))
+    }
+
+    /// Columns of what moves an attached point along these axes.
+    #[inline(always)]
+    fn add_attached(
+        &self,
+        closure: &CompiledClosure,
+        [from, to]: [usize; 2],
+        axes: &[Vec3; 3],
+        at: &At,
+        sign: f64,
+        want: Want,
+        ws: &mut Workspace,
+    ) {
+        for own in self.attached[from..to].iter().filter(|_| want.x) {
+            for (k, axis) in axes.iter().enumerate() {
+                self.add_column(closure, own.by.source(k), axis, at, sign, want, ws);
+            }
+        }
+    }
+
     /// The rotation of the frame in which an instrument measures, row by row.
     #[inline(always)]
     fn axes_of(&self, frame: &Measured, group: usize, beta: &[f64]) -> [f64; 9] {
@@ -702,7 +763,8 @@ impl Model {
     ) -> Vec3 {
         match end {
             End::Carried(chain, at, moved_by) => {
-                ws.postures[*chain].tip.point(&moved_along(at, *moved_by, beta))
+                let tip = &ws.postures[*chain].tip;
+                self.moved_along(tip.point(at), *moved_by, &tip.axes, beta, &ws.gates)
             }
             End::Fixed(at) => at.map(Lanes::splat),
             End::Unknown(number, at, free) => {
@@ -716,12 +778,12 @@ impl Model {
                 }
                 point
             }
-            End::Posed(number) => self.posed.place(*number, &ws.xi, beta),
+            End::Posed(number) => self.posed_point(*number, &ws.xi, beta, &ws.gates),
             End::Seen(columns, frame, [from, to]) => {
                 let read = [seen[columns[0]], seen[columns[1]], seen[columns[2]]];
                 let mut point = read;
                 for knock in &self.knocks[*from..*to] {
-                    let acts = knock.gate.map_or(Lanes::ONE, |gate| ws.gates[gate]);
+                    let acts = knock.acts(&ws.gates);
                     let there = knock.turned(&read, beta);
                     for (axis, at) in point.iter_mut().enumerate() {
                         let along = Lanes::splat(beta[knock.first + axis]);
@@ -881,17 +943,14 @@ impl Model {
     /// `ws` comes from [`Model::evaluate`] with these parameters.
     #[must_use]
     pub fn points(&self, ws: &Workspace, beta: &[f64]) -> Vec<Option<Vec3>> {
-        let moved_by = |number: usize| {
-            let own = self.attached.iter().find(|(point, _)| *point == number);
-            own.map(|(_, first)| *first)
-        };
         let points = self.mechanism.points.iter().enumerate();
         points
             .map(|(number, point)| match (&point.chain, point.at) {
                 (Some(chain), Some(at)) => {
                     let chain = self.mechanism.chain_index(chain).ok()?;
-                    let at = moved_along(&at, moved_by(number), beta);
-                    Some(ws.postures[chain].tip.point(&at))
+                    let (tip, moved_by) =
+                        (&ws.postures[chain].tip, moves_of(&self.attached, number));
+                    Some(self.moved_along(tip.point(&at), moved_by, &tip.axes, beta, &ws.gates))
                 }
                 (None, Some(at)) => Some(at.map(Lanes::splat)),
                 _ => None,
@@ -906,14 +965,4 @@ impl Model {
     pub fn slopes<'a>(&self, ws: &'a Workspace) -> &'a [Lanes] {
         &ws.slopes
     }
-}
-
-/// A position that three parameters move along the axes of its frame.
-#[inline(always)]
-fn moved_along(at: &[f64; 3], moved_by: Option<usize>, beta: &[f64]) -> [f64; 3] {
-    let mut at = *at;
-    if let Some(first) = moved_by {
-        at.iter_mut().zip(&beta[first..first + 3]).for_each(|(at, by)| *at += by);
-    }
-    at
 }

@@ -100,6 +100,7 @@ mod laws;
 // because rustfmt does not look inside.
 mod anchor_position;
 mod attachment_position;
+mod attachment_slip;
 mod bad_reading;
 mod base_bearing;
 mod base_position;
@@ -202,6 +203,7 @@ registry! {
     line_slip::LineSlip,
     anchor_position::AnchorPosition,
     attachment_position::AttachmentPosition,
+    attachment_slip::AttachmentSlip,
     point_slip::PointSlip,
     frame_slip::FrameSlip,
 }

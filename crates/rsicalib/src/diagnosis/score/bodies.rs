@@ -25,7 +25,12 @@ fn moves_once(term: &dyn Term) -> bool {
     term.placed() == Placed::AtPose
         && matches!(
             term.acts(),
-            Acts::Geometry(_) | Acts::Distance | Acts::Surface(_) | Acts::End | Acts::Instrument
+            Acts::Geometry(_)
+                | Acts::Distance
+                | Acts::Surface(_)
+                | Acts::End
+                | Acts::Attachment
+                | Acts::Instrument
         )
 }
 
