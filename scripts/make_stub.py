@@ -130,8 +130,8 @@ RETURNS = _by_name(
         "list[list[list[float]]]": "points",
         "list[list[str]]": "units_of",
         "list[str]": """
-            Mechanism.distance_columns Mechanism.doubts Mechanism.key_columns
-            Mechanism.value_columns lasting rules
+            Mechanism.distance_columns Mechanism.doubts Mechanism.instrument_columns
+            Mechanism.key_columns Mechanism.law_columns Mechanism.value_columns lasting rules
         """,
         "list[tuple[int, float, float, float, bool]]": "compared",
         "list[tuple[int, float, tuple[int, float | None] | None]]": "standing_out",

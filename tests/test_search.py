@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 import rsicalib
+from rsicalib import DEMO
 from tests.blind import grade, trials
 from tests.test_outside import Lawless, examined
 
@@ -22,3 +23,13 @@ def test_noise_that_nobody_knows_of_is_at_its_channel_and_is_no_effect() -> None
     assert result["steps"] == []
     assert result["verdict"] == "unexplained"
     assert result["unexplained"]["target"] == "a22"
+
+
+def test_a_trace_that_begins_at_an_optimum_finds_what_another_one_finds() -> None:
+    """Where parameters are rounding beside their estimates, no step may be as short as they are."""
+    readings, rest = DEMO / "readings.csv", DEMO / "rest.csv"
+    found = rsicalib.trace(readings, rest=rest)
+    earlier = rsicalib.calibrate(readings, rest=rest)
+    again = rsicalib.trace(readings, rest=rest, calibration=earlier)
+    assert [step.spec for step in again.steps] == [step.spec for step in found.steps] != []
+    assert again.verdict == found.verdict == "explained"

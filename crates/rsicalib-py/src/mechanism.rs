@@ -243,6 +243,12 @@ impl PyMechanism {
         self.0.instrument_columns()
     }
 
+    /// Columns of numbers that no closure has of its own: what laws and drives use.
+    #[getter]
+    fn law_columns(&self) -> Vec<String> {
+        self.0.law_columns()
+    }
+
     /// For each closure that samples take part in, the columns of its own: where one of them is blank in a row, the closure
     /// does not hold there.
     #[getter]

@@ -6,6 +6,7 @@ where no chain carries one, the points that are somewhere else in each pose: a s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
-from rsicalib.io.cells import ABSENT
+from rsicalib.io.cells import ABSENT, MechanismLike
 from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
@@ -47,20 +48,32 @@ class Places:
 def readings_for(readings: ReadingsArg, mechanism: Mechanism, skip_bad_rows: bool) -> Readings:
     """Load readings to be applied: no instrument needs to see them.
 
-    Carried points need no columns beside the channels.
+    Carried points need no columns beside the channels, and laws theirs where they are there.
     """
     if _by_chains(mechanism):
-        return load(readings, Bare(mechanism), skip_bad_rows)
+        own = Bare(mechanism, laws=True)
+        found = _without(readings, own, own.value_columns, skip_bad_rows)
+        return load(readings, Bare(mechanism), skip_bad_rows) if found is None else found
+    known = _without(readings, mechanism, mechanism.instrument_columns, skip_bad_rows)
+    if known is not None:
+        return known
+    found = load(readings, Unseen(mechanism), skip_bad_rows)
+    nothing = dict.fromkeys(mechanism.instrument_columns, np.full(len(found.taken), np.nan))
+    return replace(found, columns={**found.columns, **nothing})
+
+
+def _without(
+    readings: ReadingsArg, mechanism: MechanismLike, spared: Sequence[str], skip_bad_rows: bool
+) -> Readings | None:
+    """Load readings; None where one of the columns is absent that may be spared."""
     try:
         return load(readings, mechanism, skip_bad_rows)
     except InputError as error:
         missing = None if error.where is None else error.where["column"]
         absent = error.where is not None and error.where["found"] == ABSENT
-        if not absent or missing not in mechanism.instrument_columns:
+        if not absent or missing not in spared:
             raise
-    found = load(readings, Unseen(mechanism), skip_bad_rows)
-    nothing = dict.fromkeys(mechanism.instrument_columns, np.full(len(found.taken), np.nan))
-    return replace(found, columns={**found.columns, **nothing})
+    return None
 
 
 class Unseen(Bare):

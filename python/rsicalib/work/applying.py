@@ -24,7 +24,7 @@ def as_table(
 ) -> dict[str, Any]:
     """Sessions one after the other, and which of their rows are used, as the core takes them.
 
-    With `bare` the channels alone.
+    With `bare` the channels alone, and what laws use where it was read.
     """
     taken = [r.taken for r in readings]
     labels = [r.labels for r in taken]
@@ -43,7 +43,11 @@ def as_table(
         return np.concatenate(columns) if several else columns[0]  # a recording may be large
 
     sizes = [len(r) for r in taken]
-    keys, columns = ([], []) if bare else (mechanism.key_columns, mechanism.value_columns)
+    keys, columns = mechanism.key_columns, mechanism.value_columns
+    if bare:
+        laws = mechanism.law_columns
+        read = all(name in own.columns for own in taken for name in laws)
+        keys, columns = [], laws if read else []
     firsts = np.cumsum([0, *sizes])
     some = any(r.part is not None for r in readings)
     used = [first + r.own for first, r in zip(firsts, readings, strict=False)]

@@ -17,7 +17,7 @@ use crate::estimate::settle::settled;
 use crate::mechanism::{Channel, Closure, Mechanism, Point, Target};
 use crate::model::{Instance, Model, Spec, Thing, Want, Workspace, instances_of, is_unknown_thing};
 use crate::numerics::lanes::Lanes;
-use crate::readings::{Readings, Table};
+use crate::readings::{Readings, Table, as_of};
 use crate::terms::term::{Outlasts, Over, Per, Role, Term};
 use crate::{Error, terms};
 
@@ -308,12 +308,13 @@ impl Under {
         table: Table,
         more: &[Spec],
     ) -> Result<Self, Error> {
-        let table = Table { keys: Vec::new(), columns: Vec::new(), ..table };
+        let opened = opened(mechanism)?;
+        let table = as_of(table, mechanism, &opened);
         let carries = |spec: &Spec| {
             let term = terms::find_in(mechanism, &spec.term);
             term.is_ok_and(|term| term.info().per != Per::Closure)
         };
-        Self::build(&opened(mechanism)?, applied, table, carries, more)
+        Self::build(&opened, applied, table, carries, more)
     }
 
     fn build(

@@ -6,7 +6,7 @@ use crate::Error;
 use crate::estimate::options::FitOptions;
 use crate::mechanism::{Closure, Mechanism, Value};
 use crate::model::{Instance, Model, assembly, check_names};
-use crate::readings::{Readings, Table, codes};
+use crate::readings::{Readings, Table, as_of, codes};
 use crate::terms::term::Role;
 
 /// Readings of a mechanism with what is known of them: a rest pose, weights, options.
@@ -150,10 +150,12 @@ impl Observations {
         options: FitOptions,
     ) -> Result<Self, Error> {
         options.check_for(mechanism.channels.len())?;
+        let whole = mechanism;
         let mechanism = match &options.closures {
-            Some(names) => mechanism.with_closures(names)?,
-            None => mechanism.clone(),
+            Some(names) => whole.with_closures(names)?,
+            None => whole.clone(),
         };
+        let table = as_of(table, whole, &mechanism);
         mechanism.validate()?;
         check_names(&mechanism)?;
         let readings = Arc::new(Readings::new(&mechanism, table)?);

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::Error;
 use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
-use crate::mechanism::{Closure, Mechanism, Target, Value};
+use crate::mechanism::{Closure, Mechanism, Target, Value, Variable};
 use crate::model::compiled::{
     Added, CompiledClosure, Gate, Gating, LoadAt, Model, ShapeAt, TermAt,
 };
@@ -16,7 +16,7 @@ use crate::model::numbering::{Owned, Unknown, number_unknowns};
 use crate::model::specification::check_names;
 use crate::model::thing::Thing;
 use crate::numerics::lanes::Lanes;
-use crate::readings::Readings;
+use crate::readings::{Readings, is_absent};
 use crate::terms::targets::provided;
 use crate::terms::term::{Acts, Needs, Placed, Scale, Spot};
 
@@ -243,9 +243,12 @@ impl Model {
             unknowns,
             posed: Moving::of(mechanism),
             attached: Vec::new(),
+            measured_links: Vec::new(),
             knocks: Vec::new(),
         };
         model.compile_terms(readings);
+        model.refuse_absent(readings)?;
+        model.measure_links(readings);
         model.compile_chains()?;
         model.compile_closures(readings)?;
         model.seen = model.mean_seen(readings);
@@ -319,6 +322,25 @@ impl Model {
         for law in &mut self.laws {
             self.amounts += law.number(channels + self.amounts);
         }
+    }
+
+    /// Refuses laws of columns that these readings lack.
+    fn refuse_absent(&self, readings: &Readings) -> Result<(), Error> {
+        let names = self.mechanism.value_columns();
+        let known = |name: &str| {
+            let own = names.iter().zip(&readings.table.columns).find(|(own, _)| *own == name);
+            own.is_some_and(|(_, column)| !is_absent(column))
+        };
+        for instance in &self.instances {
+            let Acts::Coupled(law) = instance.term.acts() else { continue };
+            let lacks =
+                |variable: &Variable| matches!(variable, Variable::Column(name) if !known(name));
+            if law.variables.iter().any(lacks) {
+                let needs = "column that its law follows";
+                return Err(Error::Context { term: instance.term.info().id, needs });
+            }
+        }
+        Ok(())
     }
 
     /// Sorts what moves points on the chains and the bodies that carry them, and tells those of bodies.

@@ -26,6 +26,16 @@ pub(crate) struct Added {
     pub(crate) gate: Option<usize>,
 }
 
+/// What a column says of the distance between an unknown point and another one, in the samples that touch it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MeasuredLink {
+    pub(crate) closure: usize,
+    /// Number of the point among what is unknown.
+    pub(crate) point: usize,
+    pub(crate) sum: f64,
+    pub(crate) count: f64,
+}
+
 /// The shape of a plane or a line, by one term.
 #[derive(Clone, Copy)]
 pub(crate) struct ShapeAt {
@@ -219,6 +229,8 @@ pub struct Model {
     pub(crate) posed: Moving,
     /// Points that terms move on the chain or the body that carries them, sorted by their numbers.
     pub(crate) attached: Vec<Attached>,
+    /// What columns say of distances between unknown points.
+    pub(crate) measured_links: Vec<MeasuredLink>,
     /// Knocks of instruments, closure by closure.
     pub(crate) knocks: Vec<Move>,
     pub(crate) equations: usize,

@@ -28,7 +28,7 @@ use crate::model::drives::Drives;
 use crate::model::ends::End;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, dot};
-use crate::readings::Readings;
+use crate::readings::{Readings, is_absent};
 
 /// Two joints that nearly follow from the closures alone are told apart down to this.
 const SINGULAR: f64 = 1e-9;
@@ -191,7 +191,8 @@ fn measured(
     let told = |channel: &Channel| {
         let name = channel.torque.as_ref().filter(|_| whose == Weight::Links)?;
         let column = columns.iter().position(|column| column == name)?;
-        Some(Lanes::ZERO - *readings.columns(block).get(column)?)
+        let known = !is_absent(&readings.table.columns[column]);
+        Some(Lanes::ZERO - *readings.columns(block).get(column).filter(|_| known)?)
     };
     mechanism.channels.iter().map(told).collect()
 }

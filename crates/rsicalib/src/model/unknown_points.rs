@@ -5,7 +5,7 @@ use nalgebra::{Rotation3, Vector3};
 use crate::closures::kind::Given;
 use crate::kinematics::rigid::{rigid_fit, rigid_fit_near};
 use crate::mechanism::Value;
-use crate::model::compiled::{CompiledClosure, Model};
+use crate::model::compiled::{CompiledClosure, MeasuredLink, Model};
 use crate::model::ends::{End, Measured};
 use crate::model::numbering::{Owned, Unknown};
 use crate::model::prior::Prior;
@@ -14,7 +14,7 @@ use crate::model::spheres::{Sphere, amid};
 use crate::model::thing::Thing;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3};
-use crate::readings::Readings;
+use crate::readings::{Block, Readings};
 
 /// Pairs of points that tell where a frame is.
 const ENOUGH: usize = 3;
@@ -82,8 +82,6 @@ impl Model {
         let mut links = Vec::new();
         let closures = self.mechanism.closures.iter().enumerate();
         for (number, closure) in closures.filter(|(_, c)| self.mechanism.is_link(c)) {
-            let Some(Value::Known(value)) = closure.value else { continue };
-            let sd = closure.sd.or(closure.noise).unwrap_or(1e-3 * value);
             let ends = closure.between.each_ref().map(|end| self.mechanism.unknown_end(end));
             let [Some((a, fixed_a)), Some((b, fixed_b))] = ends else { continue };
             let of = |point: usize| {
@@ -94,14 +92,56 @@ impl Model {
                 for (j, other) in of(b) {
                     let mine = self.free_keys(a, &one.keys, &fixed_a);
                     let theirs = self.free_keys(b, &other.keys, &fixed_b);
-                    if i != j && mine.is_some() && mine == theirs {
-                        let points = [one, other].map(|u| self.term_parameters + u.first);
-                        links.push((number, Prior::Apart { points, value, sd }));
+                    if i == j || mine.is_none() || mine != theirs {
+                        continue;
                     }
+                    let Some(value) = self.link_length(number, [i, j]) else { continue };
+                    let sd = closure.sd.or(closure.noise).unwrap_or(1e-3 * value);
+                    let points = [one, other].map(|u| self.term_parameters + u.first);
+                    links.push((number, Prior::Apart { points, value, sd }));
                 }
             }
         }
         links
+    }
+
+    /// The known distance between two unknown points: a number, or the mean of a column in the samples that touch
+    /// either.
+    fn link_length(&self, closure: usize, points: [usize; 2]) -> Option<f64> {
+        match self.mechanism.closures[closure].value.as_ref()? {
+            Value::Known(value) => Some(*value),
+            Value::Column(_) => {
+                let own = self.measured_links.iter().filter(|link| link.closure == closure);
+                let here = own.filter(|link| points.contains(&link.point));
+                let (sum, count) = here
+                    .fold((0.0, 0.0), |(sum, count), link| (sum + link.sum, count + link.count));
+                (count > 0.0).then(|| sum / count)
+            }
+        }
+    }
+
+    /// What columns say of distances between unknown points, closure by closure and point by point.
+    pub(super) fn measure_links(&mut self, readings: &Readings) {
+        let mechanism = &self.mechanism;
+        let columns = mechanism.value_columns();
+        let mut all = Vec::new();
+        for (closure, drawn) in mechanism.closures.iter().enumerate() {
+            let (true, Some(Value::Column(name))) = (mechanism.is_link(drawn), &drawn.value) else {
+                continue;
+            };
+            let Some(column) = columns.iter().position(|own| own == name) else { continue };
+            for (point, unknown) in self.unknowns.iter().enumerate() {
+                let first = self.term_parameters + unknown.first;
+                let touches = |meta: &&Block| self.columns[meta.group].contains(&first);
+                let rows = readings.blocks().iter().filter(touches);
+                let rows = rows.flat_map(|meta| &meta.rows[..meta.live]);
+                let told = rows.map(|&row| readings.table.columns[column][row]);
+                let told: Vec<f64> = told.filter(|value| !value.is_nan()).collect();
+                let (sum, count) = (told.iter().sum(), told.len() as f64);
+                all.push(MeasuredLink { closure, point, sum, count });
+            }
+        }
+        self.measured_links = all;
     }
 
     /// Columns and values of an unknown point that are not fixed; `None` for a point with other

@@ -311,7 +311,7 @@ fn refuse(mechanism: &Mechanism) -> Result<(), Error> {
             ": write what the calibration found as `at` of the point, or as the plane, in place of `unknown`"
         );
         ("closure without unknown points", known)
-    } else if !mechanism.value_columns().is_empty() {
+    } else if mechanism.value_columns().len() > mechanism.law_columns().len() {
         ("closure of a constant value", why!())
     } else {
         return Ok(());

@@ -35,7 +35,7 @@ pub struct SolverOptions {
     /// Stop where a full step promises to lower the cost by less than this, in units of the cost; it
     /// is not taken.
     pub ptol: f64,
-    /// Longest first step, in multiples of `‖D x‖`.
+    /// Longest first step, in multiples of `‖D x‖`, or of 1, the noise, where that is larger.
     pub reach: f64,
     /// Largest number of linearisations.
     pub max_iterations: usize,
@@ -113,12 +113,9 @@ pub fn minimize(
     let mut norms = Vec::new();
     here.column_norms_in(&mut norms);
     grow(&mut scale, &norms);
-    // Parameters that are rounding beside the residual say nothing of how far to step.
-    let size = weighted_norm(&x, &scale);
-    let mut radius = options.reach * size;
-    if size <= f64::EPSILON * (2.0 * here.cost).sqrt() {
-        radius = options.reach;
-    }
+    // Parameters that are smaller than the noise, of a start that is the drawing itself or an optimum, say nothing
+    // of how far to step.
+    let mut radius = options.reach * weighted_norm(&x, &scale).max(1.0);
 
     let mut spare = None;
     let mut ahead = None; // the full step from `here`, where it is known

@@ -53,6 +53,8 @@ pub struct Readings {
     pub groups: Vec<Vec<String>>,
     /// The raw table, row by row.
     pub table: Table,
+    /// Names of its columns of numbers.
+    pub(crate) named: Vec<String>,
     /// First and last time of each session (s); numbers of the first and last pose without a time
     /// column.
     pub clock: Vec<[f64; 2]>,
@@ -218,6 +220,7 @@ impl Readings {
             session_of_pose,
             groups: self.groups.clone(),
             table,
+            named: self.named.clone(),
             clock: self.clock.clone(),
             merged: Some(Merged { rows, counts }),
             taken: self.taken,
@@ -246,6 +249,8 @@ impl Readings {
         own_poses: bool,
     ) -> Result<Self, Error> {
         let channels = mechanism.channels.len();
+        let named = mechanism.value_columns();
+        let table = with_columns(mechanism, table, &named, main);
         let samples = check(mechanism, &table)?;
         let holding = Holding::of(mechanism, &table, samples)?;
         let whole = match (&table.part, whole) {
@@ -307,6 +312,7 @@ impl Readings {
             session_of_pose,
             groups,
             table,
+            named,
             clock,
             merged: None,
             taken: main.filter(|_| own_poses).map_or(samples, |main| main.taken),
@@ -749,6 +755,32 @@ fn part<T>(all: &[T], k: usize, width: usize) -> &[T] {
 /// table must not set the size of that array.
 const MOST_SESSIONS: usize = 100_000;
 
+/// A table with the columns that no closure has of its own, where it has none: what laws and drives use is as on the
+/// mean of the readings beside which it stands, and absent where there are none.
+fn with_columns(
+    mechanism: &Mechanism,
+    mut table: Table,
+    named: &[String],
+    main: Option<&Readings>,
+) -> Table {
+    if table.columns.is_empty() && mechanism.law_columns().len() == named.len() {
+        let rows = table.values.len() / mechanism.channels.len().max(1);
+        let mean = |name: &String| {
+            let main = main?;
+            let column = main.named.iter().position(|own| own == name)?;
+            Some(mean_of(main.table.columns[column].iter().copied()))
+        };
+        let column = |name| vec![mean(name).unwrap_or(f64::NAN); rows];
+        table.columns = named.iter().map(column).collect();
+    }
+    table
+}
+
+/// True for a column of which no row knows anything.
+pub(crate) fn is_absent(column: &[f64]) -> bool {
+    column.iter().all(|value| value.is_nan())
+}
+
 fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
     let channels = mechanism.channels.len();
     if channels == 0 {
@@ -789,7 +821,9 @@ fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
     let own: Vec<String> = closures.flat_map(|k| mechanism.own_columns(k)).collect();
     for (name, column) in values.iter().zip(&table.columns) {
         let blanks = if own.contains(name) { f64::is_nan } else { |_: f64| false };
-        usable(name, column, blanks)?;
+        if own.contains(name) || !is_absent(column) {
+            usable(name, column, blanks)?;
+        }
     }
     for (row, values) in table.values.chunks_exact(channels).enumerate() {
         for (channel, &found) in mechanism.channels.iter().zip(values) {

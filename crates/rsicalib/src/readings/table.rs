@@ -3,6 +3,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use crate::mechanism::Mechanism;
+
 /// Rows of a session as it was taken, of which a table has some.
 ///
 /// From where a pose was approached, how far a channel had travelled, and when it was read is of the
@@ -117,6 +119,21 @@ pub(super) fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// One row for each of these sets of rows, the mean of its rows.
+/// Rows of a mechanism as rows of another one that uses some of its keys and columns.
+#[must_use]
+pub(crate) fn as_of(table: Table, whole: &Mechanism, some: &Mechanism) -> Table {
+    fn chosen<T: Clone>(all: Vec<T>, named: &[String], wanted: &[String]) -> Vec<T> {
+        if all.len() != named.len() {
+            return all;
+        }
+        let places = wanted.iter().filter_map(|name| named.iter().position(|own| own == name));
+        places.map(|place| all[place].clone()).collect()
+    }
+    let keys = chosen(table.keys, &whole.key_columns(), &some.key_columns());
+    let columns = chosen(table.columns, &whole.value_columns(), &some.value_columns());
+    Table { keys, columns, ..table }
+}
+
 #[must_use]
 pub(crate) fn average<R: ExactSizeIterator<Item = usize> + Clone>(
     table: &Table,

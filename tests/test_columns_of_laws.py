@@ -1,0 +1,103 @@
+"""Columns that are declared for laws, and lengths in columns: in every verb, used or not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsicalib
+from rsicalib import DEMO, Mechanism
+from tests import cone
+
+FORCE = '\n[[column]]\nname = "force"\nunit = "N"\n'
+BUILT_IN = rsicalib.load_mechanism("rsi").to_toml()
+
+
+def with_force(path: Path, to: Path) -> Path:
+    """The same table with a column of forces."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    rng = np.random.default_rng(3)
+    force = ["force", *(f"{rng.uniform(0, 10):.3f}" for _ in lines[1:])]
+    text = "\n".join(f"{line},{cell}" for line, cell in zip(lines, force, strict=True)) + "\n"
+    to.write_text(text, encoding="utf-8")
+    return to
+
+
+def test_a_column_that_no_law_uses_changes_nothing(tmp_path: Path) -> None:
+    drawn = Mechanism.from_toml(BUILT_IN + FORCE)
+    readings, rest = with_force(DEMO / "readings.csv", tmp_path / "r.csv"), DEMO / "rest.csv"
+    plain = rsicalib.calibrate(DEMO / "readings.csv", rest=rest)
+    found = rsicalib.calibrate(readings, drawn, rest=rest)
+    assert [(p.value, p.sd) for p in found.parameters] == [
+        (p.value, p.sd) for p in plain.parameters
+    ]
+    assert "<svg" in found.report()
+    rows = rsicalib.load_readings(DEMO / "readings.csv")
+    watching = rsicalib.watch(rows, found, drawn)
+    assert list(watching) == list(rsicalib.watch(rows, plain))
+    assert np.array_equal(
+        rsicalib.forward(readings, drawn, found),
+        rsicalib.forward(DEMO / "readings.csv", "rsi", plain),
+    )
+    poses = rsicalib.plan(drawn, poses=12, beside=found)
+    assert len(poses.readings) == 12
+
+
+def test_a_column_stands_beside_an_arm_at_a_cone() -> None:
+    text = cone.mechanism(2e-5, 0.02)
+    session = cone.session(3, poses=25, samples=2)
+    table = {**session.table, "force": [1.0] * len(session.table["pose"])}
+    plain = rsicalib.calibrate(session.table, Mechanism.from_toml(text))
+    found = rsicalib.calibrate(table, Mechanism.from_toml(text + FORCE))
+    assert [p.value for p in found.parameters] == [p.value for p in plain.parameters]
+    places = rsicalib.forward(session.table, Mechanism.from_toml(text + FORCE), found)
+    assert np.array_equal(places, rsicalib.forward(session.table, Mechanism.from_toml(text), plain))
+
+
+def test_closures_that_are_left_out_leave_their_columns(tmp_path: Path) -> None:
+    own = BUILT_IN.replace("value = 2.598076", 'value = "d12"', 1)
+    assert 'value = "d12"' in own, "the built-in machine has other lengths"
+    drawn = Mechanism.from_toml(own)
+    lines = (DEMO / "readings.csv").read_text(encoding="utf-8").splitlines()
+    path = tmp_path / "r.csv"
+    path.write_text(
+        "\n".join([lines[0] + ",d12", *(line + ",2.598076" for line in lines[1:])]) + "\n",
+        encoding="utf-8",
+    )
+    names = [c["name"] for c in drawn.to_dict()["closure"]]
+    for some in (names[1:], names[:2], names):
+        found = rsicalib.calibrate(path, drawn, rest=DEMO / "rest.csv", closures=some)
+        plain = rsicalib.calibrate(DEMO / "readings.csv", rest=DEMO / "rest.csv", closures=some)
+        assert found.fit is not None and plain.fit is not None
+        assert found.fit.chi2 == pytest.approx(plain.fit.chi2, rel=1e-6)
+
+
+def test_a_length_between_unknown_points_may_be_a_column() -> None:
+    """Two cones, whose distance somebody has measured: as a number, and as a column."""
+    text = cone.mechanism(2e-5, 0.02).replace('unknown = ["at"]', 'unknown = ["at"]', 1)
+    other = cone.CONE + np.array([60.0, 25.0, -10.0])
+    apart = float(np.linalg.norm(other - cone.CONE))
+    one = cone.session(5, poses=15, samples=2, at="a")
+    two = cone.session(6, poses=15, samples=2, at="b", cone=other)
+    table: dict[str, list[float] | list[str]] = {
+        name: [*one.table[name], *two.table[name]]  # type: ignore[list-item]
+        for name in one.table
+    }
+    table["pose"] = [*one.table["pose"], *(15 + float(p) for p in two.table["pose"])]
+    link = '[[closure]]\nname = "bar"\nkind = "distance"\nbetween = ["cone[at=a]", "cone[at=b]"]\n'
+    head, model = text.split("[model]")
+    free = rsicalib.calibrate(table, Mechanism.from_toml(text))
+    known = Mechanism.from_toml(f"{head}{link}value = {apart!r}\nsd = 0.01\n[model]{model}")
+    number = rsicalib.calibrate(table, known)
+    column = rsicalib.calibrate(
+        {**table, "bar": [apart] * len(table["pose"])},
+        Mechanism.from_toml(f'{head}{link}value = "bar"\nsd = 0.01\n[model]{model}'),
+    )
+    assert [p.value for p in column.parameters] == pytest.approx(
+        [p.value for p in number.parameters], rel=1e-9, abs=1e-12
+    )
+    assert not [w for w in column.warnings if w.kind == "unused"]
+    assert number.fit is not None and free.fit is not None
+    assert column.fit is not None and number.fit.dof == column.fit.dof > free.fit.dof
