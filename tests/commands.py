@@ -3,9 +3,9 @@
 A server starts once for each process of the tests, as `python` with all modules of the package
 imported and nothing computed. For each command it forks, and the child becomes what a new process
 is: its streams, folder, arguments and variables are those that were asked for, `__main__` runs, and
-it ends as an interpreter does, but for its memory, which is left to the system. What an interpreter does at its start is the server's, so a command
-whose variables differ in that has a process of its own. So has every test of signals, terminals,
-streams that are closed or pipes whose other end acts.
+it ends as an interpreter does, but for its memory, which is left to the system. What an interpreter
+does at its start is the server's, so a command whose variables differ in that has a process of its
+own. So has every test of signals, terminals, streams that are closed or pipes whose other end acts.
 """
 
 from __future__ import annotations
