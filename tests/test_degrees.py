@@ -280,7 +280,7 @@ def test_offsets_in_radians_of_channels_in_degrees_are_named_and_the_readings_ar
     assert right.exit_code == 0 and "degrees" not in {w.kind for w in right.warnings}
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(sized(1, 2)))
 def test_random_poses_are_not_called_in_degrees(seed: int) -> None:
     """Offsets of nine channels from anywhere were all within 5 % of 57.3 times what is declared."""
     codes = np.random.default_rng(seed).integers(300, 3800, (40, 9)).astype(float)
@@ -301,7 +301,7 @@ def test_an_arm_with_an_error_is_not_called_in_another_unit(seed: int, bend: flo
     assert "degrees" not in {w.kind for w in found.warnings}
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(sized(1, 2)))
 def test_an_arm_in_another_unit_is_called_so(seed: int) -> None:
     made = cone.session(seed, samples=2)
     drawn = Mechanism.from_toml(cone.mechanism(None, 0.02))

@@ -356,7 +356,7 @@ def test_a_base_of_a_planar_machine_is_found_and_the_rest_determined(seed: int) 
     assert (found.verdict, found.exit_code) == ("explained", 0)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", range(sized(1, 2)))
 def test_a_tilt_of_a_body_with_two_points_is_found(seed: int) -> None:
     """Behind the last joint: both points turn, which no shift of the tool does."""
     device, scene, rng = machine("gantry", seed)
@@ -868,7 +868,7 @@ def test_with_one_equation_the_channel_is_first_or_the_tie_is_said(
     assert target in {name.target for name in names}
 
 
-@pytest.mark.parametrize("seed", [5, 18, 26])
+@pytest.mark.parametrize("seed", sized([5], [5, 18, 26]))
 def test_what_fits_as_well_is_said(seed: int) -> None:
     """The coupler of a four-bar: told of it, χ² is within 6 of that of what is named instead."""
     device, scene, rng = machine("fourbar", seed)
@@ -928,7 +928,7 @@ def with_a_bad_pose(seed: int) -> tuple[Readings, Mechanism, int]:
     return *given(device, scene, rng, wrong), int(scene.label[wrong.rows[0]])
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", range(sized(1, 2)))
 def test_a_bad_reading_leaves_the_rest_determined(seed: int) -> None:
     """With one equation a pose what is left out takes the equation with it."""
     readings, mechanism, pose = with_a_bad_pose(seed)

@@ -111,7 +111,7 @@ def test_a_loose_wrist_is_the_fault_of_its_arm_and_of_no_sensor() -> None:
     assert not [step for step in result["steps"] if step["class"] == "sensor"]
 
 
-@pytest.mark.parametrize("counts", [15.0, 30.0, 80.0])
+@pytest.mark.parametrize("counts", sized([15.0], [15.0, 30.0, 80.0]))
 def test_a_wrong_reading_elsewhere_stays_out(counts: float) -> None:
     wrong = effects.BadReading("a13", counts, pose=20)
     result = examined(5, Lawless("a32", SIZE, seed=3), wrong)

@@ -69,7 +69,7 @@ def counts(seed: int, noise: float, reach: int) -> Array:
     return np.round(held + noise * rng.standard_normal(held.shape))
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(sized(4, 12)))
 def test_repeats_of_a_small_workspace_are_told_and_not_taken(seed: int) -> None:
     mechanism = rsicalib.load_mechanism("rsi")
     readings = rsicalib.Readings.from_arrays(mechanism, counts(seed, 2.0, 60))
@@ -77,7 +77,7 @@ def test_repeats_of_a_small_workspace_are_told_and_not_taken(seed: int) -> None:
     assert "24 groups of 8" in said.text and readings.repeats is None
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(sized(15, 60)))
 def test_poses_of_their_own_are_no_repeats(seed: int) -> None:
     """Poses anywhere, a grid that is walked row by row, and a slow motion."""
     mechanism = rsicalib.load_mechanism("rsi")
