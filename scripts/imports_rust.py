@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from scripts.imports import Import
@@ -65,6 +66,7 @@ def read(folder: Path) -> tuple[tuple[str, ...], tuple[Import, ...]]:
     return tuple(crate.files.values()), tuple(found)
 
 
+@cache  # several checks and counts read the same files
 def code_of(source: str) -> str:
     """Remove comments from the source of a file; of its texts only the quotes of each line stay."""
 

@@ -3,9 +3,9 @@
 A server starts once for each process of the tests, as `python` with all modules of the package
 imported and nothing computed. For each command it forks, and the child becomes what a new process
 is: its streams, folder, arguments and variables are those that were asked for, `__main__` runs, and
-the interpreter ends as ever. What an interpreter does at its start is the server's, so a command
-whose variables differ in that has a process of its own. So has every test of signals, terminals,
-streams that are closed or pipes whose other end acts.
+it ends as an interpreter does, but for its memory, which is left to the system. What an interpreter
+does at its start is the server's, so a command whose variables differ in that has a process of its
+own. So has every test of signals, terminals, streams that are closed or pipes whose other end acts.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Mapping
 from functools import cache
 from io import TextIOWrapper
@@ -210,8 +211,37 @@ def become(
     os.environb.update(environment)
     sys.path[0] = os.fsdecode(cwd)
     sys.argv = ["rsicalib", *map(os.fsdecode, words)]
-    runpy.run_module("rsicalib", run_name="__main__", alter_sys=True)
-    sys.exit()
+    leave(ended())
+
+
+def ended() -> int:
+    """Run the command: the exit code of an interpreter whose module ends so."""
+    try:
+        runpy.run_module("rsicalib", run_name="__main__", alter_sys=True)
+    except SystemExit as left:
+        if left.code is None or isinstance(left.code, int):
+            return left.code or 0
+        print(left.code, file=sys.stderr)
+        return 1
+    except BaseException:
+        sys.excepthook(*sys.exc_info())
+        return 1
+    return 0
+
+
+def leave(code: int) -> NoReturn:
+    """End as an interpreter does, but for taking apart what the server had imported.
+
+    That would copy all memory of the server, which costs as much as the command itself.
+    """
+    threading._shutdown()
+    atexit._run_exitfuncs()
+    try:
+        sys.stdout.flush()
+    except OSError:
+        code = 120
+    sys.stderr.flush()
+    os._exit(code)
 
 
 def opened(stream: TextIO, mode: str) -> TextIOWrapper:

@@ -84,7 +84,7 @@ def of_hexapod(seed: int, poses: int = 50) -> tuple[Array, Array, Array]:
     return read + noise * rng.standard_normal(read.shape), offsets, corners[:, 0]
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", sized([1], [1, 2, 3]))
 def test_a_plate_on_six_legs(seed: int) -> None:
     """Offsets of all legs and of the two angles, and where a corner of the plate is."""
     drawn = rsicalib.Mechanism.from_dict(hexapod())
@@ -210,7 +210,7 @@ def uncrossed(read: Array) -> tuple[rsicalib.Mechanism, rsicalib.Readings]:
     return drawn, rsicalib.Readings.from_arrays(drawn, read, pose=numbers, time_s=10.0 * numbers)
 
 
-@pytest.mark.parametrize("seed", sized(range(21, 26), range(21, 31)))
+@pytest.mark.parametrize("seed", range(21, 21 + sized(3, 10)))
 def test_each_pose_has_two_places_that_nearly_close(seed: int) -> None:
     read, offsets, corners = hung(seed, UNCROSSED)
     drawn, readings = uncrossed(read)

@@ -19,8 +19,8 @@ STEPS = (2, 4, 8)
 
 
 VERBS = [
-    *((rsicalib.calibrate, seed) for seed in sized([0, 2, 4], range(6))),
-    *((rsicalib.trace, seed) for seed in sized([1, 3, 5], range(6))),
+    *((rsicalib.calibrate, seed) for seed in sized([0, 2], range(6))),
+    *((rsicalib.trace, seed) for seed in sized([1, 3], range(6))),
 ]
 """Three sessions of each in the small form, all six of them between the two."""
 
@@ -42,7 +42,7 @@ def test_a_coarse_sensor_loses_no_reading(verb: object, seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(sized(1, 3)))
-@pytest.mark.parametrize("noise", [0.05, 0.2, 0.26, 0.29, 0.32, 0.4])
+@pytest.mark.parametrize("noise", sized([0.05, 0.29, 0.4], [0.05, 0.2, 0.26, 0.29, 0.32, 0.4]))
 def test_quiet_sensors_lose_no_reading(noise: float, seed: int) -> None:
     """Noise of less than a count, rounded to whole ones: a sample of the next code has not moved.
 
@@ -53,7 +53,7 @@ def test_quiet_sensors_lose_no_reading(noise: float, seed: int) -> None:
     assert not found.excluded
 
 
-@pytest.mark.parametrize("seed", range(sized(2, 3)))
+@pytest.mark.parametrize("seed", range(sized(1, 3)))
 @pytest.mark.parametrize("step", STEPS)
 def test_a_coarse_sensor_among_quiet_ones_is_adequate(step: int, seed: int) -> None:
     """Noise of .05 counts: the rounding of every sensor lasts over a pose; one has more."""

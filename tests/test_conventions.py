@@ -16,6 +16,7 @@ import pytest
 import rsicalib
 from rsicalib.errors import InputError
 from rsicalib.report import words
+from tests.full import sized
 from tests.machines import arm, files
 from tests.machines.arm import Job
 from tests.machines.kit import Linear, Machine, Rng
@@ -151,7 +152,7 @@ def lazy(draw: Callable[[Rng], Machine], still: tuple[int, ...], rng: Rng) -> Ma
 
 
 @pytest.mark.parametrize("name", ["bar", "tracker"])
-@pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize("seed", sized([3], [3, 4]))
 def test_what_other_poses_could_tell_is_named_and_the_convention_is_not(
     name: str, seed: int, tmp_path: Path
 ) -> None:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 import rsicalib
 from rsicalib.poses.places import places, readings_for
 from tests import between
+from tests.full import sized
 from tests.oracle import Array
 
 TRUE = np.array([0.004, -0.006, 0.008, -0.010, 1.0, -2.0, 1.5])
@@ -54,7 +55,8 @@ def test_placements_in_another_order_change_nothing() -> None:
     readings: every order of the same rows gives the same figures, to rounding."""
     table, _ = session(3, 0.01, only_first=True)
     found = []
-    for order in ([0, 1, 2, 3], [0, 2, 1, 3], [3, 0, 1, 2]):
+    orders = ([0, 1, 2, 3], [3, 0, 2, 1], *sized((), ([0, 2, 1, 3], [3, 0, 1, 2])))
+    for order in orders:
         rows = [row for k in order for row in range(k * between.POSES, (k + 1) * between.POSES)]
         moved = {name: [column[row] for row in rows] for name, column in table.items()}  # type: ignore[index]
         found.append(rsicalib.trace(moved, between.mechanism()))
@@ -66,9 +68,9 @@ def test_placements_in_another_order_change_nothing() -> None:
             [one.elsewhere.without, one.elsewhere.again, one.predicted.position_sd]
             + [p.value for p in one.parameters if p.term == "offset"]
         )
-    np.testing.assert_allclose(figures[1:], figures[:1] * 2, rtol=1e-5)
+    np.testing.assert_allclose(figures[1:], figures[:1] * (len(orders) - 1), rtol=1e-5)
     told = [[(s.term, s.target, s.applied) for s in one.steps] for one in found]
-    assert told[0] and told[1:] == [told[0]] * 2
+    assert told[0] and all(one == told[0] for one in told)
 
 
 def test_without_effects_nothing_is_left_out() -> None:
@@ -115,7 +117,7 @@ def test_what_does_not_help_elsewhere_is_named_and_no_part_of_the_parameters() -
     }
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", sized([1], [1, 2]))
 def test_of_a_single_placement_a_shape_without_a_law_is_named_alone(seed: int) -> None:
     whole, _ = session(seed, 0.0, only_first=False)
     table = {name: column[: between.POSES] for name, column in whole.items()}  # type: ignore[index]
@@ -201,7 +203,7 @@ def slipped(seed: int, in_turn: bool, by: float = 8e-4) -> dict[str, object]:
     return {**{f"q{k + 1}": column for k, column in enumerate(read.T)}, "at": at.tolist()}
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", sized([1], [1, 2]))
 def test_a_slip_is_found_across_places_that_are_touched_in_turn(seed: int) -> None:
     found = rsicalib.trace(slipped(seed, in_turn=True), between.mechanism())
     assert [(s.term, s.target) for s in found.steps] == [("slip", "q4")]

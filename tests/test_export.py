@@ -177,8 +177,9 @@ def test_the_rows_agree_with_plain_matrix_products(bent: tuple[Path, Path]) -> N
 @pytest.mark.parametrize("terms", [["offset", "gain"], ["gain"], ["offset"]])
 def test_platform_poses_are_the_same_too(terms: list[str], tmp_path: Path) -> None:
     whole = rsicalib.load_readings(READINGS)
-    # Gains alone fit nothing, and many poses take long to tell.
-    made = rsicalib.calibrate(whole.select(whole.pose <= 12), rest=REST, terms=terms)
+    # Gains or offsets alone fit nothing, and many poses take long to tell.
+    few = 12 if len(terms) == 2 else 4
+    made = rsicalib.calibrate(whole.select(whole.pose <= few), rest=REST, terms=terms)
     wanted = rsicalib.forward(READINGS, "rsi", made)
     (tmp_path / "calibrated.toml").write_text(rsicalib.export_toml("rsi", made))
     found = rsicalib.forward(READINGS, tmp_path / "calibrated.toml")

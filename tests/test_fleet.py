@@ -24,6 +24,7 @@ from rsicalib.fleets.standing_out import remarks, spreads
 from rsicalib.fleets.store import Parts
 from rsicalib.io.frames import columns_of
 from rsicalib.io.tables import chunks, read_table
+from tests.full import sized
 
 pa = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -264,7 +265,7 @@ def test_any_row_groups_give_each_device_once_with_all_its_rows(order: str, tmp_
     rng = np.random.default_rng(7)
     path = tmp_path / "readings.parquet"
     count = 0
-    for _ in range(60):
+    for _ in range(sized(20, 60)):
         sizes = rng.integers(1, 9, rng.integers(1, 40))
         labels: list[Any] = [k for k, size in enumerate(sizes) for _ in range(size)]
         if order == "names":  # in the order of texts
@@ -289,7 +290,7 @@ def test_any_row_groups_give_each_device_once_with_all_its_rows(order: str, tmp_
             for label in devices
         }
         assert told == [row for label in devices for row in of_device[label]]
-    assert count > 20
+    assert count > sized(6, 20)
 
 
 def test_a_row_group_of_many_devices_is_several_pieces(tmp_path: Path) -> None:

@@ -259,7 +259,7 @@ def test_time_effects_are_decided_by_waiting() -> None:
     Not in every room: where the temperature swings far from its trend, the session itself tells.
     """
     waited = []
-    for seed in range(6):
+    for seed in range(sized(3, 6)):
         sessions = drifting(np.random.default_rng(seed))
         rivals = [(["drift@a22"], 0.0, 0.5), (["temperature_offset@a22"], 1.0, 0.5)]
         found = _core.further(sessions.session, rivals, poses=2, criterion="decide")

@@ -209,12 +209,12 @@ def test_a_lost_channel_and_the_end_of_a_range_are_said(tmp_path: Path) -> None:
 
 
 # Wires that come off before pose 4, and in full before pose 8, where the handle stands still.
-# The exchanged wires are those of the whole session below, which demands an earlier word.
+# The exchanged wires are those of the whole session below, which demands an earlier word; those
+# that are reversed are named by the same comparison of fits, in few poses below.
 WRONG = [
     ("dead_zone", 1),
-    ("reversed", 1),
     ("lost", 4),
-    *sized([], [("exchanged", 1), ("lost", 1)]),
+    *sized([], [("reversed", 1), ("exchanged", 1), ("lost", 1)]),
 ]
 
 
@@ -370,9 +370,9 @@ def few_poses(seed: int, poses: int, kind: str | None = None) -> tuple[Warned | 
     return adviser._mistake(adviser.readings(Taken(fitted))), wrong
 
 
-@pytest.mark.parametrize("poses", sized([2, 3, 6, 12], [2, 3, 6, 7, 9, 12]))
+@pytest.mark.parametrize("poses", sized([2, 3, 7], [2, 3, 6, 7, 9, 12]))
 def test_wires_that_are_right_are_never_blamed(poses: int) -> None:
-    """60 sessions in all, or 240: with nothing to blame them by, with little, and with enough."""
+    """45 sessions in all, or 240: with nothing to blame them by, with little, and with enough."""
     sessions = sized(15, 40)
     assert [few_poses(seed, poses)[0] for seed in range(sessions)] == [None] * sessions
 

@@ -10,6 +10,7 @@ import rsicalib
 from rsicalib import DEMO
 from rsicalib.guide.advice import _with_priors
 from rsicalib.guide.handle import Handle, moves, turned
+from tests.full import sized
 
 NEAR = np.zeros(6)
 
@@ -20,7 +21,7 @@ def test_a_turn_is_that_of_scipy() -> None:
     np.testing.assert_allclose(turned(angles), expected, atol=1e-15)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(sized(5, 20)))
 def test_the_moves_bring_the_handle_there(seed: int) -> None:
     """Shift and turn put back together, by SciPy's rotations."""
     rng = np.random.default_rng(seed)

@@ -83,7 +83,7 @@ def said(result: Any) -> str:
 
 def random_numbers() -> tuple[Readings, Mechanism]:
     mechanism = rsicalib.load_mechanism(TWO_ARMS)
-    values = np.random.default_rng(0).uniform(-2.5, 2.5, (40, 12))
+    values = np.random.default_rng(0).uniform(-2.5, 2.5, (sized(20, 40), 12))
     return Readings.from_arrays(mechanism, values), mechanism
 
 
@@ -343,7 +343,7 @@ def test_an_effect_that_turns_as_an_offset_does_leaves_the_calibration_determine
 # ------------------------------------------------------------------ f: elsewhere
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", range(sized(1, 3)))
 def test_a_base_of_a_planar_machine_is_found_and_the_rest_determined(seed: int) -> None:
     """Off the plane no reading says where it is, and across the frame offsets take it up."""
     device, scene, rng = machine("fourbar", seed)
@@ -356,7 +356,7 @@ def test_a_base_of_a_planar_machine_is_found_and_the_rest_determined(seed: int) 
     assert (found.verdict, found.exit_code) == ("explained", 0)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", range(sized(1, 2)))
 def test_a_tilt_of_a_body_with_two_points_is_found(seed: int) -> None:
     """Behind the last joint: both points turn, which no shift of the tool does."""
     device, scene, rng = machine("gantry", seed)
@@ -454,7 +454,7 @@ def test_the_same_session_twice_is_not_twice_the_poses() -> None:
         assert two.sd > 0.95 * one.sd
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", range(sized(1, 3)))
 def test_wiring_is_not_accused_from_one_pose(seed: int) -> None:
     readings, mechanism = given(*machine("rps", seed))
     found = rsicalib.calibrate(readings.select(readings.pose == 1), mechanism)
@@ -708,7 +708,7 @@ def test_steps_of_one_encoder_are_said_and_no_pose_moved(verb: Any) -> None:
     assert "moved_pose" not in {w.kind for w in found.warnings}
 
 
-@pytest.mark.parametrize("steps", [8, 16])
+@pytest.mark.parametrize("steps", sized([16], [8, 16]))
 @pytest.mark.parametrize("family", ["fourbar", "fivebar", "gantry"])
 def test_one_encoder_in_large_steps_spoils_no_clean_session(family: str, steps: int) -> None:
     """All samples of a pose fall on one code: repeats do not show what rounding does to it.
@@ -812,7 +812,7 @@ def test_a_slip_of_two_poses_is_bad_readings(family: str) -> None:
     assert {entry.pose for entry in found.excluded} == {scene.poses - 1, scene.poses}
 
 
-@pytest.mark.parametrize("seed", sized(range(4), range(8)))
+@pytest.mark.parametrize("seed", range(sized(2, 8)))
 def test_a_slip_with_three_poses_on_one_side_is_a_slip(seed: int) -> None:
     """By 30 mrad. Of two of these it was said that they wander, and their first pose left out."""
     rng = np.random.default_rng([seed, 12, 3])
@@ -854,7 +854,7 @@ def one_equation(term: str, target: str, seed: int, family: str, strength: float
     return rsicalib.trace(*given(device, scene, rng, effect))
 
 
-@pytest.mark.parametrize("seed", range(sized(2, 4)))
+@pytest.mark.parametrize("seed", range(sized(1, 4)))
 @pytest.mark.parametrize(
     ("family", "target"), [("ballbar", "q2"), ("ballbar", "q5"), ("drawwire", "q2")]
 )
@@ -867,7 +867,7 @@ def test_with_one_equation_the_channel_is_first_or_the_tie_is_said(
     assert target in {name.target for name in names}
 
 
-@pytest.mark.parametrize("seed", [5, 18, 26])
+@pytest.mark.parametrize("seed", sized([5], [5, 18, 26]))
 def test_what_fits_as_well_is_said(seed: int) -> None:
     """The coupler of a four-bar: told of it, χ² is within 6 of that of what is named instead."""
     device, scene, rng = machine("fourbar", seed)
@@ -927,7 +927,7 @@ def with_a_bad_pose(seed: int) -> tuple[Readings, Mechanism, int]:
     return *given(device, scene, rng, wrong), int(scene.label[wrong.rows[0]])
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", range(sized(1, 2)))
 def test_a_bad_reading_leaves_the_rest_determined(seed: int) -> None:
     """With one equation a pose what is left out takes the equation with it."""
     readings, mechanism, pose = with_a_bad_pose(seed)

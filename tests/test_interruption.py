@@ -8,12 +8,14 @@ import subprocess
 import sys
 import textwrap
 import time
+from itertools import cycle, product
 from pathlib import Path
 
 import pytest
 
 from rsicalib import DEMO
 from rsicalib.cli.interruption import Ended, ends_by_signals, exit_code
+from tests.full import sized
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals")
 
@@ -103,12 +105,17 @@ FLEET = {
 }
 
 
-@pytest.mark.parametrize("place", FLEET.values(), ids=FLEET.keys())
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+SIGNALS = ("SIGINT", "SIGTERM")
+
+
+# Each place with one of the signals by turns, and in full with both.
+@pytest.mark.parametrize(
+    ("name", "where"), sized([*zip(cycle(SIGNALS), FLEET)], [*product(SIGNALS, FLEET)])
+)
 def test_a_fleet_ends_at_once_wherever_it_is(
-    place: str, name: str, devices: Path, tmp_path: Path
+    where: str, name: str, devices: Path, tmp_path: Path
 ) -> None:
-    number = getattr(signal, name)
+    number, place = getattr(signal, name), FLEET[where]
     if place == "import":
         pytest.importorskip("pandas")
     code, took = ended_at(place, ["fleet", str(devices), "--out", "out"], tmp_path, number)

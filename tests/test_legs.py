@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pytest
@@ -115,6 +116,15 @@ def session(seed: int, built: Built, n: int = 60) -> tuple[Array, Mechanism]:
     return readings, drawn(measured)
 
 
+LONGER = Built(longer=("rl", 0.002))
+
+
+@cache
+def traced(seed: int, built: Built) -> rsicalib.Trace:
+    """What is said of a session that two tests look at."""
+    return rsicalib.trace(*session(seed, built))
+
+
 @pytest.mark.parametrize("seed", range(sized(3, 6)))
 def test_legs_on_a_floor_are_calibrated(seed: int) -> None:
     """Without (55) none of 40 did: χ² was up to a million times what noise leaves."""
@@ -125,32 +135,37 @@ def test_legs_on_a_floor_are_calibrated(seed: int) -> None:
 @pytest.mark.parametrize(
     ("seed", "built", "name"),
     [
-        (7, Built(longer=("rl", 0.002)), ("link_length", "rl/5")),
-        (7, Built(gain=("rr3", 1.004)), ("gain", "rr3")),
         # Poses in which the distances say the same: without (57) these were not determined.
         (20, Built(gain=("rr3", 1.004)), ("gain", "rr3")),
-        (3, Built(longer=("rl", 0.002)), ("link_length", "rl/5")),
-        (3, Built(gain=("rr3", 1.004)), ("gain", "rr3")),
+        (3, LONGER, ("link_length", "rl/5")),
+        *sized(
+            [],
+            [
+                (3, Built(gain=("rr3", 1.004)), ("gain", "rr3")),
+                (7, LONGER, ("link_length", "rl/5")),
+                (7, Built(gain=("rr3", 1.004)), ("gain", "rr3")),
+            ],
+        ),
     ],
 )
 def test_what_is_wrong_with_a_leg_is_named(seed: int, built: Built, name: tuple[str, str]) -> None:
-    result = rsicalib.trace(*session(seed, built))
+    result = traced(seed, built)
     assert result.verdict == "explained"
     (step,) = result.steps
     # A foot that sits 2 mm farther down is the same as a longer shank.
     assert name in {(step.term, step.target), *((n.term, n.target) for n in step.also_fits)}
 
 
-@pytest.mark.parametrize("seed", range(sized(2, 12)))
+@pytest.mark.parametrize("seed", range(sized(1, 12)))
 def test_rounding_of_readings_decides_nothing(seed: int) -> None:
     """Six distances of four feet nearly repeat each other.
 
     A projection by the Gram matrix of another linearisation named another term in half of these.
     """
-    readings, mechanism = session(3, Built(longer=("rl", 0.002)))
+    readings, mechanism = session(3, LONGER)
     part = 1e-15 * np.random.default_rng(seed).standard_normal(readings.shape)
-    first, other = (
-        [(step.term, step.target) for step in rsicalib.trace(q, mechanism).steps]
-        for q in (readings, readings * (1.0 + part))
+    other = rsicalib.trace(readings * (1.0 + part), mechanism)
+    first, second = (
+        [(step.term, step.target) for step in found.steps] for found in (traced(3, LONGER), other)
     )
-    assert first == other
+    assert first == second

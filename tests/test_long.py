@@ -31,16 +31,15 @@ def traced(it: long.Recording) -> Any:
     return rsicalib.trace(it.readings, rest=it.rest)
 
 
-# What `clean` and `sag` have is in `untimed` and `two` as well.
-@pytest.mark.parametrize(
-    "kind", sized([k for k in long.KINDS if k not in ("clean", "sag")], long.KINDS)
-)
+# What `clean` and `sag` have is in `untimed` and `two` as well, and the next test is of noise that
+# is correlated.
+@pytest.mark.parametrize("kind", sized(["untimed", "ripple", "slip", "bad", "two"], long.KINDS))
 def test_what_a_long_recording_has_is_named_and_nothing_else(kind: str) -> None:
     it, found = recording(kind)
     assert long.said(found) == (it.names, it.out)
 
 
-@pytest.mark.parametrize("kind", sized(["clean", "ripple"], ["clean", "ripple", "slip"]))
+@pytest.mark.parametrize("kind", sized(["ripple"], ["clean", "ripple", "slip"]))
 def test_noise_that_resembles_its_neighbours_is_no_effect(kind: str) -> None:
     """Of few rows, too: a search that took them for independent named something in 5 of 5."""
     it = long.make(kind, 4000, seed=302, alike=0.5)

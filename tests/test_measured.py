@@ -161,7 +161,7 @@ def traced(
     [
         (("frontcenter",), 0.19),
         # One effect takes it to 0.17567, four took it to 0.17521.
-        (("frontcenter", "backleft", "backright"), 0.1758),
+        *sized([], [(("frontcenter", "backleft", "backright"), 0.1758)]),
     ],
 )
 def test_tracing_finds_compliance_that_nobody_spoke_of(
@@ -178,7 +178,7 @@ def test_tracing_finds_compliance_that_nobody_spoke_of(
 
 @pytest.mark.parametrize("robot", sized(["panda_3"], ["panda_3", "panda_4"]))
 def test_tracing_finds_no_compliance_where_gravity_is_turned(folder: Path, robot: str) -> None:
-    part = sized(("frontcenter", "backleft", "backright"), None)
+    part = sized(("frontcenter", "backleft"), None)
     found = traced(folder, robot, None, "along_y.toml", part)
     assert not [s for s in found.steps if s.klass == "load"]
 
@@ -211,15 +211,16 @@ def test_the_broken_placement_and_the_bad_samples_of_panda_2_are_named(folder: P
     ]
 
 
-FELL = sized(("front", "left", "front_rotated"), None)
-"""Placements of dinova_2: the tool fell off in one of them."""
+LEFT, FELL = sized((("front", "front_rotated"), ("left", "front_rotated")), (None, None))
+"""Placements of dinova_2, in the last of which the tool fell off. With the first of them it is a
+part of what nothing explains; beside the second alone it is told."""
 
 UNEXPLAINED = [("dinova_2", "mukca_gen3lite.toml"), ("panda_1", "mukca_panda.toml")]
 
 
 @pytest.mark.parametrize(("robot", "file"), sized(UNEXPLAINED[:1], UNEXPLAINED))
 def test_what_stays_unexplained_is_said_and_where(folder: Path, robot: str, file: str) -> None:
-    found = traced(folder, robot, None, file, FELL if robot == "dinova_2" else None)
+    found = traced(folder, robot, None, file, LEFT if robot == "dinova_2" else None)
     assert found.verdict in ("unexplained", "partly_explained")
     assert found.unexplained is not None and found.unexplained.target == "arm"
     assert found.unexplained.p_value is not None and found.unexplained.p_value < 1e-3

@@ -51,7 +51,7 @@ def names(found: rsicalib.Trace) -> list[tuple[str, str]]:
     return [(step.term, step.target) for step in found.steps] + also
 
 
-@pytest.mark.parametrize("seed", range(sized(2, 10)))
+@pytest.mark.parametrize("seed", range(sized(1, 10)))
 def test_a_sensor_that_slipped_is_no_point_that_moved(seed: int) -> None:
     # Of readings with a slip of 80 to 170 in χ² one in ten prefers a cone that moved, in a tie.
     found = traced(seed, slip=6e-4)
@@ -61,7 +61,7 @@ def test_a_sensor_that_slipped_is_no_point_that_moved(seed: int) -> None:
     assert abs(int(found.steps[0].place or 0) - FIRST) <= 2
 
 
-@pytest.mark.parametrize("seed", range(sized(2, 10)))
+@pytest.mark.parametrize("seed", range(sized(1, 10)))
 def test_a_cone_that_moved_is_named(seed: int) -> None:
     found = traced(seed, move=0.3)
     assert (names(found), found.excluded) == ([("point_slip", "cone[at=b]")], ())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -64,7 +65,7 @@ def examined(number: int, *present: Effect, **how: Any) -> dict[str, Any]:
 SIZE = 0.015
 
 
-SHOWN = sized(("a11", "a12", "a22", "a23", "a32"), CHANNELS)
+SHOWN = sized(("a11", "a22", "a33"), CHANNELS)
 """Each arm and each joint of an arm is among them."""
 
 
@@ -110,7 +111,7 @@ def test_a_loose_wrist_is_the_fault_of_its_arm_and_of_no_sensor() -> None:
     assert not [step for step in result["steps"] if step["class"] == "sensor"]
 
 
-@pytest.mark.parametrize("counts", [15.0, 30.0, 80.0])
+@pytest.mark.parametrize("counts", sized([15.0], [15.0, 30.0, 80.0]))
 def test_a_wrong_reading_elsewhere_stays_out(counts: float) -> None:
     wrong = effects.BadReading("a13", counts, pose=20)
     result = examined(5, Lawless("a32", SIZE, seed=3), wrong)
@@ -227,26 +228,28 @@ def test_a_formula_of_a_link_is_pasted_and_takes_the_error_away() -> None:
 
 def test_effects_in_whose_place_a_law_is_likelier_are_named_and_not_applied() -> None:
     """What is likeliest is applied: of one session nothing else says what holds elsewhere."""
-    alone = 0
-    for family in ("ballbar", "drawwire", "gantry", "rps"):
-        for number in sized((0, 1), (0, 1, 2)):
-            it = outside.traced("outside", family, number, 35)
-            found = it.found
-            if not found.rivals:
-                continue
-            likeliest = {(n.term, n.target) for n in found.rivals[0].terms}
-            by_law = outside.LAW in {term for term, _ in likeliest}
-            named = {(s.term, s.target): s.applied for s in found.steps}
-            fitted = {(p.term, p.target) for p in found.parameters}
-            left_out = {name for name, applied in named.items() if not applied}
-            assert not left_out & (likeliest | fitted)
-            assert by_law or not left_out
-            if left_out:
-                alone += 1
-                assert "a law that no term has is likelier" in found.summary(whole=True)
-                every = trace(it.readings, it.mechanism, apply_all=True)
-                assert left_out <= {(p.term, p.target) for p in every.parameters}
-    assert alone, "a quarter of such devices has one"
+    alone, devices = 0, product((0, 1, 2), ("ballbar", "drawwire", "gantry", "rps"))
+    for number, family in devices:
+        it = outside.traced("outside", family, number, 35)
+        found = it.found
+        if not found.rivals:
+            continue
+        likeliest = {(n.term, n.target) for n in found.rivals[0].terms}
+        by_law = outside.LAW in {term for term, _ in likeliest}
+        named = {(s.term, s.target): s.applied for s in found.steps}
+        fitted = {(p.term, p.target) for p in found.parameters}
+        left_out = {name for name, applied in named.items() if not applied}
+        assert not left_out & (likeliest | fitted)
+        assert by_law or not left_out
+        if left_out:
+            alone += 1
+            assert "a law that no term has is likelier" in found.summary(whole=True)
+            every = trace(it.readings, it.mechanism, apply_all=True)
+            assert left_out <= {(p.term, p.target) for p in every.parameters}
+        if alone == sized(1, None):
+            break
+    # A quarter of such devices has one: none of twelve in 3 % of all seeds.
+    assert alone
 
 
 def test_an_effect_that_ties_with_a_law_over_time_is_named_and_not_applied() -> None:
@@ -278,7 +281,8 @@ def test_a_formula_that_is_told_is_pasted_and_takes_the_error_away() -> None:
     Noncentrality is 150 to 200, so that amplitudes are known to a twelfth.
     """
     told, better = 0, 0
-    for family, number in (("gantry", 0), ("drawwire", 3), ("ballbar", 0), ("ballbar", 1)):
+    shown = (("gantry", 0), ("drawwire", 3), ("ballbar", 0), *sized((), (("ballbar", 1),)))
+    for family, number in shown:
         case, _, _ = outside.outside(family, number, 5501)
         mechanism = Mechanism.from_toml(case.text)
         readings = families.readings_of(mechanism, case.session)
@@ -298,7 +302,7 @@ def test_a_formula_that_is_told_is_pasted_and_takes_the_error_away() -> None:
             # To first order, and the whole fit: two per cent of a law of a milliradian.
             assert abs(own.value - parameter["value"]) < 0.5 * parameter["sd"]
             assert own.sd == pytest.approx(parameter["sd"], rel=0.1)
-    assert told >= 3
+    assert told >= len(shown) - 1
     assert better >= told - 1
 
 

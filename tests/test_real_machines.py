@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import rsicalib
+from tests.full import sized
 from tests.machines import quick
 from tests.machines.real import mechanism_of
 
@@ -66,7 +67,7 @@ TRACED = {
 }
 
 
-@pytest.mark.parametrize("name", TRACED)
+@pytest.mark.parametrize("name", sized(["unknown_m", "show"], TRACED))
 def test_a_blind_trace_names_short_belts_and_a_constant_only_where_makers_found_it(
     name: str,
 ) -> None:

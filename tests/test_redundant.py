@@ -107,7 +107,7 @@ def walker(
     return readings, Mechanism.from_dict(mechanism)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(sized(2, 4)))
 def test_all_fifteen_distances_of_six_feet_are_twelve_equations(seed: int) -> None:
     """Weighed, the other three outweighed all else: most sessions lost a third of their poses."""
     found = rsicalib.calibrate(*walker(seed))
@@ -117,7 +117,7 @@ def test_all_fifteen_distances_of_six_feet_are_twelve_equations(seed: int) -> No
     assert warning.kind == "follow" and len(warning.targets) == 3
 
 
-@pytest.mark.parametrize("seed", sized([10, 21], [10, 16, 21]))
+@pytest.mark.parametrize("seed", sized([10], [10, 16, 21]))
 def test_distances_that_somebody_measured_are_redundant_in_every_fit(seed: int) -> None:
     """Measured to 2 mm, they contradict each other. A fit of a search that did not leave out the
     same equations called the noise a million times too small."""

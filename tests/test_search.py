@@ -7,10 +7,11 @@ import pytest
 import rsicalib
 from rsicalib import DEMO
 from tests.blind import grade, trials
+from tests.full import sized
 from tests.test_outside import Lawless, examined
 
 
-@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("number", range(sized(1, 2)))
 def test_two_effects_are_found_together(number: int) -> None:
     case = trials.make("pairs", number, 77120)
     it = trials.given(case)

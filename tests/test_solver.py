@@ -52,7 +52,7 @@ def test_misclosure_and_jacobian_of_the_hand_controller_agree_with_the_oracle(po
 
 
 @pytest.mark.parametrize("chains", [2, 3, 4])
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", range(sized(1, 3)))
 def test_misclosure_and_jacobian_of_random_mechanisms_agree_with_the_oracle(
     chains: int, seed: int
 ) -> None:

@@ -96,7 +96,7 @@ def traced(seed: int, bend: float = 0.0) -> rsicalib.Trace:
     return rsicalib.trace(readings, mechanism)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(sized(1, 8)))
 def test_a_sound_machine_is_adequate(seed: int) -> None:
     """Of eight such sessions six were given a curve of the slide, of up to 10 mm."""
     found = traced(seed)
@@ -106,19 +106,19 @@ def test_a_sound_machine_is_adequate(seed: int) -> None:
 
 def test_as_few_sound_machines_are_called_otherwise_as_is_promised() -> None:
     """`RSICALIB_FULL=1` counts a hundred."""
-    seeds = range(100, 100 + sized(20, 100))
+    seeds = range(100, 100 + sized(10, 100))
     flagged = sum(traced(seed).verdict != "adequate" for seed in seeds)
-    # Of 1 in 100: more than 4 of a hundred have .3 %, more than two of twenty .1 %.
-    assert flagged <= sized(2, 4)
+    # Of 1 in 100: more than 4 of a hundred have .3 %, more than one of ten .4 %.
+    assert flagged <= sized(1, 4)
 
 
 def test_an_effect_is_named_alone_as_often_as_it_is_there() -> None:
-    seeds = range(300, 300 + sized(5, 30))
+    seeds = range(300, 300 + sized(3, 30))
     # Its noncentrality is far beyond the price: none may be missed.
     assert all({step.target for step in traced(seed, bend=6e-4).steps} == {"q2"} for seed in seeds)
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", sized([1], [1, 3]))
 def test_an_effect_of_another_joint_is_named_alone(seed: int) -> None:
     found = traced(seed, bend=6e-4)
     assert {step.target for step in found.steps} == {"q2"}

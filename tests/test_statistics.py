@@ -40,7 +40,7 @@ CELLS = [
 
 
 # The error of a coverage is that of these sessions: of fewer than 100 it is too small at times.
-@pytest.fixture(scope="module", params=sized(CELLS[1:4], CELLS), ids=lambda cell: cell.name)
+@pytest.fixture(scope="module", params=sized(CELLS[1:4:2], CELLS), ids=lambda cell: cell.name)
 def honest(request: pytest.FixtureRequest) -> Honesty:
     """100 sessions of a cell; the 18 parameters of one go together, as its errors know."""
     return bench.honesty(request.param, 100)
@@ -69,7 +69,7 @@ def test_gains_are_not_biased(honest: Honesty) -> None:
     assert abs(honest.bias) < 0.1 + SURE * honest.bias_error
 
 
-@pytest.mark.parametrize("sigma", [0.0, 0.05, 0.2])
+@pytest.mark.parametrize("sigma", sized([0.0, 0.2], [0.0, 0.05, 0.2]))
 def test_rounding_that_is_the_same_in_all_samples_does_not_average_out(sigma: float) -> None:
     # How much more the mean of 8 codes varies than if rounding were noise, by trying: √8
     # without noise, where 8 samples are one.
@@ -174,7 +174,7 @@ def test_without_a_rest_reading_equal_gains_may_be_far_off() -> None:
     assert high > 0.5 * bench.NOMINAL[1][0]
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(sized(2, 5)))
 def test_without_a_rest_reading_and_rest_elsewhere_on_the_track(seed: int) -> None:
     # Nominal offsets as the potentiometers were clamped, gains off by a common factor.
     rng = np.random.default_rng(seed)
@@ -210,7 +210,7 @@ def named(found: _core.Fit) -> list[tuple[str, str]]:
     return [(w["kind"], w["target"]) for w in found.warnings]
 
 
-@pytest.mark.parametrize("channel", sized([0, 4, 8], range(9)))  # one of each arm and joint
+@pytest.mark.parametrize("channel", sized([0, 8], range(9)))
 def test_a_reversed_channel_is_named_and_its_gain_found(channel: int) -> None:
     values, pose, rest = session(channel)
     straight = bench.estimates(fitted(values, pose, rest).to_dict())
@@ -221,7 +221,7 @@ def test_a_reversed_channel_is_named_and_its_gain_found(channel: int) -> None:
     assert gain == pytest.approx(-straight[9 + channel], rel=1e-6)
 
 
-@pytest.mark.parametrize(("a", "b"), [(0, 1), (1, 4), (2, 6), (7, 8)])
+@pytest.mark.parametrize(("a", "b"), sized([(0, 1), (2, 6)], [(0, 1), (1, 4), (2, 6), (7, 8)]))
 def test_two_exchanged_channels_are_named(a: int, b: int) -> None:
     values, pose, rest = session(10 + a)
     for readings in (values, rest):
@@ -239,7 +239,7 @@ def test_a_gap_within_the_range_of_motion_is_named() -> None:
     assert named(fitted(values, pose, rest)) == [("gap", "a12")]
 
 
-@pytest.mark.parametrize("channel", sized([0, 4, 8], range(9)))
+@pytest.mark.parametrize("channel", sized([4], range(9)))
 def test_a_stuck_channel_is_named(channel: int) -> None:
     values, pose, rest = session(40 + channel)
     values[20:, channel] = values[20, channel]

@@ -14,6 +14,7 @@ from rsicalib.report.terminal import summary
 from tests import oracle
 from tests.blind import simulator
 from tests.blind.simulator import CHANNELS, Device
+from tests.full import sized
 from tests.watch.device import calibrated
 from tests.watch.pairs import again, pair
 
@@ -23,11 +24,11 @@ SHARED = Path(__file__).parents[2] / "shared" / "data" / "rsi"
 @pytest.mark.filterwarnings("ignore::rsicalib.errors.OpenLoopsWarning")  # they do not close
 def test_unchanged_devices_keep_their_calibration_and_changed_ones_are_named() -> None:
     # The full size is `python -m tests.watch.pairs`.
-    found = [pair(7, number) for number in range(8)]
+    found = [pair(7, number) for number in range(sized(4, 8))]
     assert sum(p.changes for p in found if p.right is None) == 0
     assert not any(p.worth for p in found if p.right is None)
     changed = [p for p in found if p.right is not None]
-    assert sum(bool(p.right) for p in changed) >= 3
+    assert sum(bool(p.right) for p in changed) >= sized(1, 3)
     assert all(p.error[1] < p.error[0] for p in changed if p.worth)
 
 
@@ -38,7 +39,7 @@ def test_an_offset_that_a_bent_link_explains_is_no_change() -> None:
     assert pair(1, 9).right
 
 
-@pytest.mark.parametrize("seed", range(300, 305))
+@pytest.mark.parametrize("seed", range(300, 300 + sized(2, 5)))
 def test_two_clamped_sensors_are_two_offsets_and_no_link(seed: int, tmp_path: Path) -> None:
     # A link or a point in place of both comes first by its score, and must not stay.
     device, earlier, rng = calibrated(seed)

@@ -16,6 +16,7 @@ import pytest
 from rsicalib.errors import InputError
 from rsicalib.io.urdf import UrdfExport, chain_from_urdf, masses_from_toml, write_urdf
 from rsicalib.io.urdf_tree import Robot
+from tests.full import sized
 
 MUKCA = Path(__file__).parents[2] / "shared" / "data" / "mukca"
 needs_mukca = pytest.mark.skipif(
@@ -23,7 +24,7 @@ needs_mukca = pytest.mark.skipif(
 )
 # Rounding of a dozen products of matrices with entries of some metres: 1e-15 each, and room.
 EXACT = 1e-12
-SEEDS = range(40)
+SEEDS = range(sized(10, 40))
 ENDS = ("parent", "child")
 
 
@@ -295,7 +296,7 @@ def mimicking(seed: int) -> tuple[str, str, str, dict[str, str], str, np.random.
     return text, base, tip, {n: c for n, c in channels.items() if n != one}, one, rng
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(sized(5, 20)))
 def test_a_mimic_moves_by_a_ratio_of_the_channel_of_the_other(seed: int) -> None:
     text, base, tip, channels, mimic, rng = mimicking(seed)
     chain = chain_from_urdf(text, base, tip, channels)
@@ -312,7 +313,7 @@ def test_a_mimic_moves_by_a_ratio_of_the_channel_of_the_other(seed: int) -> None
     assert not any("ratio" in row for row in sensed.rows)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(sized(5, 20)))
 def test_an_export_says_how_a_mimic_moves_now(seed: int) -> None:
     text, base, tip, channels, _mimic, rng = mimicking(seed)
     drawn = chain_from_urdf(text, base, tip, channels).rows
@@ -326,7 +327,7 @@ def test_an_export_says_how_a_mimic_moves_now(seed: int) -> None:
     ends_where_rows_end(export, rows, channels, offsets, rng)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(sized(5, 20)))
 def test_masses_beyond_a_mimic_are_where_its_link_is(seed: int) -> None:
     text, base, tip, channels, _mimic, rng = mimicking(seed)
     rows = chain_from_urdf(text, base, tip, channels).rows

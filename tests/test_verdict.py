@@ -152,7 +152,9 @@ def test_the_first_line_is_of_the_reason_that_says_most() -> None:
     assert "rsicalib trace" in found.summary()
 
 
-@pytest.mark.parametrize(("pose", "channel", "counts"), [(17, 2, 700.0), (30, 0, -900.0)])
+@pytest.mark.parametrize(
+    ("pose", "channel", "counts"), [(30, 0, -900.0), *sized([], [(17, 2, 700.0)])]
+)
 def test_one_wrong_pose_leaves_the_others_to_be_judged(
     pose: int, channel: int, counts: float
 ) -> None:
@@ -207,7 +209,7 @@ def test_the_open_loop_is_judged_by_check_poses_as_well() -> None:
 # ------------------------------------------------------------------ one number for one residual
 
 
-@pytest.mark.parametrize("number", range(sized(3, 6)))
+@pytest.mark.parametrize("number", range(sized(1, 6)))
 def test_one_residual_has_one_probability(number: int) -> None:
     found = said(rsicalib.trace, trials.make("single", number, 0))
     assert found.unexplained is not None

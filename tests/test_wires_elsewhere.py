@@ -9,6 +9,7 @@ import numpy.typing as npt
 import pytest
 
 import rsicalib
+from tests.full import sized
 
 Array = npt.NDArray[np.float64]
 
@@ -73,13 +74,13 @@ def suspected(read: Array, drawn: rsicalib.Mechanism, **more: Any) -> set[tuple[
 WIRES = ("reversed", "exchanged", "degrees", "length")
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(sized(1, 3)))
 def test_a_long_link_is_no_other_unit(seed: int) -> None:
     """A link that is drawn 10 % too long: readings times 0.017 close better, and not."""
     assert suspected(of_five_bar(seed), five_bar(1.1 * NEAR)) == set()
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(sized(1, 3)))
 def test_degrees_are_told(seed: int) -> None:
     read = np.degrees(of_five_bar(seed))
     assert ("degrees", "m1+e1+m2") in suspected(read, five_bar())
