@@ -45,6 +45,7 @@
 //! | | `weighing` | two changes in one row, what is stuck, what has no name |
 
 pub mod alarm;
+mod any_angle;
 pub mod closing;
 pub mod compare;
 mod drift;
