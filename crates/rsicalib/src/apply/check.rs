@@ -116,7 +116,7 @@ pub fn check(
     let of_pose = fit.model.instances.iter().all(|i| i.term.of_pose());
     let turned = placed && found.orientation_rms.is_some();
     let compared =
-        Beside { fit, known: known.noise, positions, turned, align, pairs, samples, slopes };
+        Compared { fit, known: known.noise, positions, turned, align, pairs, samples, slopes };
     let (error, quiet) = (compared.predicted(true), compared.predicted(false));
     let labels: Vec<i64> = parts.iter().map(|rows| label(&known.table, rows.start)).collect();
     let judged = compared.judged(&error).with_worst(compared.worst(&labels), of_pose);
@@ -150,7 +150,7 @@ fn label(table: &Table, row: usize) -> i64 {
 
 /// Known poses beside what is found there, and what their errors are predicted from.
 #[derive(Clone)]
-struct Beside<'a> {
+struct Compared<'a> {
     fit: &'a Fit,
     /// Standard deviations of what is known.
     known: [f64; 2],
@@ -165,7 +165,7 @@ struct Beside<'a> {
     slopes: Vec<Slopes>,
 }
 
-impl Beside<'_> {
+impl Compared<'_> {
     /// What is predicted of all of them, of each known place with the noise of its readings or without.
     fn predicted(&self, noisy: bool) -> Predicted {
         let moved: Vec<_> =
