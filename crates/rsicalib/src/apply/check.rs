@@ -5,7 +5,7 @@ use std::ops::Range;
 use nalgebra::{Rotation3, Vector3};
 
 use crate::Error;
-use crate::apply::accuracy::{Expected, Predicted, Wanted, Worst, is_placed, slopes_at};
+use crate::apply::accuracy::{Expected, KNOWN, Predicted, Wanted, Worst, is_placed, slopes_at};
 use crate::apply::known::{Known, rows_of_known};
 pub(crate) use crate::apply::misread::Pair;
 use crate::apply::misread::{Misread, misread};
@@ -185,7 +185,7 @@ impl Compared<'_> {
         predicted.judge(found.position_rms, found.orientation_rms, self.fit.noise.dof)
     }
 
-    /// The least probable of them, each judged by itself, and what the others are without it.
+    /// The least probable of them, each judged by itself; where it is off, what the others are without it.
     fn worst(&self, labels: &[i64]) -> Option<Worst> {
         let motion = motion_of(&self.pairs, self.align);
         let alone = self.wanted(true, &[]);
@@ -200,11 +200,12 @@ impl Compared<'_> {
             of(a).total_cmp(&of(b)).then(b.1.1.chi2.total_cmp(&a.1.1.chi2))
         });
         let (k, (off, one)) = least?;
-        let others = (self.pairs.len() > 1).then(|| self.without(k));
+        let p_value = (one.p_value * self.pairs.len() as f64).min(1.0);
+        let others = (p_value <= KNOWN && self.pairs.len() > 1).then(|| self.without(k));
         Some(Worst {
             position_rms: off.position_rms,
             position_sd: one.position_sd,
-            p_value: (one.p_value * self.pairs.len() as f64).min(1.0),
+            p_value,
             orientation_rms: off.orientation_rms,
             orientation_sd: one.orientation_sd,
             pose: Some(labels[k]),
