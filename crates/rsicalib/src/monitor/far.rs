@@ -9,7 +9,7 @@
 use nalgebra::DMatrix;
 
 use crate::model::Spec;
-use crate::monitor::alarm::{Action, Alarm, Change};
+use crate::monitor::alarm::{Action, Alarm, Change, Unnamed};
 use crate::monitor::any_angle::{Turned, nearest_turn};
 use crate::monitor::recent::{Kept, numbered};
 use crate::monitor::thresholds::log_tail;
@@ -79,7 +79,13 @@ impl Monitor {
         let began = self.began(first, tested);
         let mut spec = Spec { term: UNNAMED.into(), target: Some(ALL.into()), place: None };
         let unit = self.watched.under.model.mechanism.length_unit.clone();
-        let mut found = Alarm { action: Action::Stop, size: self.misclosure(rows), unit, ..began };
+        let mut found = Alarm {
+            action: Action::Stop,
+            size: self.misclosure(rows),
+            unit,
+            unnamed: Some(Unnamed::FarOff),
+            ..began
+        };
         let mut named = alone.iter().filter_map(|(_, size, candidate)| {
             let place = self.watched.places.iter().find(|p| p.candidate == *candidate)?;
             let own =
@@ -90,6 +96,7 @@ impl Monitor {
             let sd = size / (2.0 * rows.len() as f64).sqrt();
             let change = Change { name: "noise".into(), value: size, sd, unit: unit.clone() };
             (spec, found.size, found.sd, found.unit) = (own, size, sd, unit);
+            found.unnamed = None;
             found.parameters = vec![change];
             found.also_fits = named.map(|(own, ..)| own).collect();
         }

@@ -14,7 +14,7 @@
 //! once, says where, and is silent from then on.
 
 use crate::model::Spec;
-use crate::monitor::alarm::{Action, Alarm, Change};
+use crate::monitor::alarm::{Action, Alarm, Change, Unnamed};
 use crate::monitor::estimating::TYPICAL;
 use crate::monitor::open::{Name, Open, Rest};
 use crate::monitor::recent::Linearised;
@@ -366,6 +366,7 @@ impl Monitor {
             unit: "alarms".into(),
             p_value,
             action: Action::Stop,
+            unnamed: Some(Unnamed::ManyAlarms),
             ..Alarm::default()
         })
     }
