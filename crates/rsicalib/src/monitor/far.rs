@@ -141,7 +141,11 @@ impl Monitor {
     fn names_all(&mut self, alarms: &[Alarm], last: u64) -> bool {
         let numbers: usize = alarms.iter().map(|alarm| alarm.parameters.len()).sum();
         let Some(open) = self.open.take() else { return true };
-        let rest = self.refit(&open, open.named, last);
+        let known = open.left.filter(|left| left.kinds == open.named && left.last == last);
+        let rest = match known {
+            Some(left) => Some(left.rest),
+            None => self.refit(&open, open.named, last),
+        };
         self.open = Some(open);
         let left = rest.is_none_or(|rest| self.leaves(rest.squares, rest.rows));
         numbers < CONFIRMED * self.r.len() && !left

@@ -121,7 +121,7 @@ impl Monitor {
     ) -> Option<Vec<Alarm>> {
         let beside: Vec<Suspect> = candidates.iter().map(|&k| Suspect::of(k)).collect();
         let mut pair = self.begin_again(open, &beside, tested.row)?;
-        let (names, _) = self.compare(&pair, tested.row);
+        let (names, _) = self.compare(&mut pair, tested.row);
         pair.named = names.first().map_or(pair.named, |name| name.kinds);
         let alarms = self.alarms_of(&pair, &names, tested, revises);
         self.open = Some(pair);
