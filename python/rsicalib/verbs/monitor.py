@@ -126,8 +126,8 @@ class Alarm(Told, Record, kw_only=True, repr=False):
     """What to do: `go_on` where it moves the platform by less than the noise of one sample does;
     `recalibrate`; `stop` where the readings cannot be trusted and no calibration mends that."""
     unnamed: Literal["many_alarms", "far_off"] | None = field(default=None, metadata=IF_KNOWN)
-    """Why a change has no name: alarms follow each other, and nothing is tested any more; or loops are
-    far open, and nothing is tested until they close again. None of one that has a name."""
+    """Why a change has no name: alarms follow each other, and nothing is tested any more; or loops
+    are far open, and nothing is tested until they close again. None of one that has a name."""
 
     def text(self) -> str:
         """The alarm as a sentence."""

@@ -118,3 +118,49 @@ impl Walk {
         way.amax() <= LONGEST_STEP && self.stiff.alike(there) > HALF
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector};
+
+    use super::*;
+
+    fn place(x: f64, y: f64) -> Place {
+        DVector::from_vec(vec![x, y])
+    }
+
+    /// Walks along `f(x, y) = 0`, of which `stiff` has the misclosure and the slopes.
+    fn walk(stiff: &dyn Fn(&Place) -> Stiff, from: Place, goal: Place) -> Walk {
+        let stiff_there = stiff(&from);
+        let mut walk = Walk::new(from, goal, stiff_there);
+        for _ in 0..STEPS {
+            let Some(next) = walk.next() else { break };
+            let there = stiff(&next);
+            walk.take(next, there, true);
+        }
+        walk
+    }
+
+    fn circle(at: &Place) -> Stiff {
+        let g = DMatrix::from_row_slice(1, 2, &[2.0 * at[0], 2.0 * at[1]]);
+        Stiff::of(DVector::from_element(1, at.norm_squared() - 1.0), &g)
+    }
+
+    #[test]
+    fn a_path_along_a_circle_leads_to_another_place_of_it() {
+        let found = walk(&circle, place(1.0, 0.0), place(-0.6, 0.8));
+        assert!((found.corrected() - place(-0.6, 0.8)).amax() < SHORTEST);
+        assert!(found.ends_at(&circle(&found.goal)));
+    }
+
+    #[test]
+    fn a_path_ends_before_a_place_where_two_ways_meet() {
+        let cross = |at: &Place| {
+            let g = DMatrix::from_row_slice(1, 2, &[at[1], at[0]]);
+            Stiff::of(DVector::from_element(1, at[0] * at[1]), &g)
+        };
+        let found = walk(&cross, place(-1.0, 0.0), place(0.95, 0.0));
+        assert!(found.here[0] < 0.0 && found.here[0] > -LONGEST_STEP);
+        assert!(!found.ends_at(&cross(&found.goal)));
+    }
+}

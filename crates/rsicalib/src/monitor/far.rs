@@ -242,7 +242,8 @@ impl Monitor {
         let in_row = |at: &[f64]| watched.in_row(at, tested.row);
         let platform_rms = self.seen.change(watched, noise, &in_row(&before), &in_row(&watched.at));
         let (name, unit) = &named.parameters[0];
-        let change = Change { name: (*name).into(), value: best.shift, sd: best.sd, unit: unit.clone() };
+        let change =
+            Change { name: (*name).into(), value: best.shift, sd: best.sd, unit: unit.clone() };
         let first = rows.first().map_or(tested.row, |row| row.0);
         self.open = None;
         Alarm {
