@@ -577,7 +577,7 @@ def test_what_has_no_name_is_said_once_and_then_nothing() -> None:
     assert alarms[0].row >= 4000
     assert [a.term for a in alarms].count("unnamed") == 1
     last = alarms[-1]
-    assert (last.term, last.action) == ("unnamed", "stop")
+    assert (last.term, last.unnamed, last.action) == ("unnamed", "many_alarms", "stop")
     assert sum(a.revises is None for a in alarms) <= 8
     assert "no name for" in last.text()
     seen = monitor.summary()

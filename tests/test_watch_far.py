@@ -71,7 +71,7 @@ def told_as_unplugged(seed: int) -> bool:
     alarms = monitor.update(rows, seconds(rows))
     assert alarms and CHANGE <= alarms[0].row < CHANGE + 20
     # Whatever is said, nothing is moved by more than the machine is large (mm, rad).
-    assert all(abs(alarm.size) < 300.0 for alarm in alarms if alarm.unit != "alarms")
+    assert all(abs(alarm.size) < 300.0 for alarm in alarms if alarm.unnamed != "many_alarms")
     first = [alarm for alarm in alarms if alarm.since_row < CHANGE + 300]
     last = alarms[-1]
     once = len(first) == 1 and (first[0].target, first[0].action) == (NAMES[channel], "stop")
@@ -93,7 +93,7 @@ def test_cables_that_are_exchanged_are_no_bent_link(seed: int) -> None:
     alarms = monitor.update(rows, seconds(rows))
     assert alarms and CHANGE <= alarms[0].row < CHANGE + 20
     # Whatever is said, nothing is moved by more than the machine is large (mm, rad).
-    assert all(abs(alarm.size) < 300.0 for alarm in alarms if alarm.unit != "alarms")
+    assert all(abs(alarm.size) < 300.0 for alarm in alarms if alarm.unnamed != "many_alarms")
 
 
 @pytest.mark.parametrize("degrees", [2.0, 4.0, 20.0, -57.0])

@@ -9,6 +9,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import field
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy.typing as npt
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
-from rsicalib.facts.records import Record, to_json
+from rsicalib.facts.records import IF_KNOWN, Record, to_json
 from rsicalib.facts.shapes import Rms
 from rsicalib.imports.kinds import KINDS, format_of
 from rsicalib.imports.log import Log
@@ -124,6 +125,9 @@ class Alarm(Told, Record, kw_only=True, repr=False):
     action: Literal["go_on", "recalibrate", "stop"] = "recalibrate"
     """What to do: `go_on` where it moves the platform by less than the noise of one sample does;
     `recalibrate`; `stop` where the readings cannot be trusted and no calibration mends that."""
+    unnamed: Literal["many_alarms", "far_off"] | None = field(default=None, metadata=IF_KNOWN)
+    """Why a change has no name: alarms follow each other, and nothing is tested any more; or loops
+    are far open, and nothing is tested until they close again. None of one that has a name."""
 
     def text(self) -> str:
         """The alarm as a sentence."""
@@ -135,7 +139,7 @@ class Alarm(Told, Record, kw_only=True, repr=False):
             words = f"something has changed{place} since {when} that the watch has no name for"
             words += (
                 f" ({self.size:.0f} alarms); it is silent from here on"
-                if self.unit == "alarms"
+                if self.unnamed == "many_alarms"
                 else f": loops are open by {with_unit(f'{self.size:.3g}', unit)}; "
                 "nothing is tested until they close again"
             )

@@ -103,7 +103,7 @@ pub struct Worst {
     /// Its label; null in a result of an earlier version.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub pose: Option<i64>,
-    /// Probability of the errors of all others together; null where there are none.
+    /// Probability of the errors of all others together; null where there are none, or this one is not off.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub others_p_value: Option<f64>,
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use nalgebra::{Rotation3, Vector3};
 
 use crate::Error;
-use crate::apply::accuracy::{Expected, Predicted, Wanted, Worst, is_placed, slopes_at};
+use crate::apply::accuracy::{Expected, KNOWN, Predicted, Wanted, Worst, is_placed, slopes_at};
 use crate::apply::known::{Known, rows_of_known};
 pub(crate) use crate::apply::misread::Pair;
 use crate::apply::misread::{Misread, misread};
@@ -116,7 +116,7 @@ pub fn check(
     let of_pose = fit.model.instances.iter().all(|i| i.term.of_pose());
     let turned = placed && found.orientation_rms.is_some();
     let compared =
-        Beside { fit, known: known.noise, positions, turned, align, pairs, samples, slopes };
+        Compared { fit, known: known.noise, positions, turned, align, pairs, samples, slopes };
     let (error, quiet) = (compared.predicted(true), compared.predicted(false));
     let labels: Vec<i64> = parts.iter().map(|rows| label(&known.table, rows.start)).collect();
     let judged = compared.judged(&error).with_worst(compared.worst(&labels), of_pose);
@@ -150,7 +150,7 @@ fn label(table: &Table, row: usize) -> i64 {
 
 /// Known poses beside what is found there, and what their errors are predicted from.
 #[derive(Clone)]
-struct Beside<'a> {
+struct Compared<'a> {
     fit: &'a Fit,
     /// Standard deviations of what is known.
     known: [f64; 2],
@@ -165,7 +165,7 @@ struct Beside<'a> {
     slopes: Vec<Slopes>,
 }
 
-impl Beside<'_> {
+impl Compared<'_> {
     /// What is predicted of all of them, of each known place with the noise of its readings or without.
     fn predicted(&self, noisy: bool) -> Predicted {
         let moved: Vec<_> =
@@ -185,7 +185,7 @@ impl Beside<'_> {
         predicted.judge(found.position_rms, found.orientation_rms, self.fit.noise.dof)
     }
 
-    /// The least probable of them, each judged by itself, and what the others are without it.
+    /// The least probable of them, each judged by itself; where it is off, what the others are without it.
     fn worst(&self, labels: &[i64]) -> Option<Worst> {
         let motion = motion_of(&self.pairs, self.align);
         let alone = self.wanted(true, &[]);
@@ -200,11 +200,12 @@ impl Beside<'_> {
             of(a).total_cmp(&of(b)).then(b.1.1.chi2.total_cmp(&a.1.1.chi2))
         });
         let (k, (off, one)) = least?;
-        let others = (self.pairs.len() > 1).then(|| self.without(k));
+        let p_value = (one.p_value * self.pairs.len() as f64).min(1.0);
+        let others = (p_value <= KNOWN && self.pairs.len() > 1).then(|| self.without(k));
         Some(Worst {
             position_rms: off.position_rms,
             position_sd: one.position_sd,
-            p_value: (one.p_value * self.pairs.len() as f64).min(1.0),
+            p_value,
             orientation_rms: off.orientation_rms,
             orientation_sd: one.orientation_sd,
             pose: Some(labels[k]),

@@ -12,8 +12,8 @@ use crate::design::linearised::Linearised;
 use crate::design::reach::{has_closed_form, inverse};
 use crate::mechanism::{Channel, Mechanism};
 use crate::model::assembly::placed;
+use crate::model::been::Been;
 use crate::model::configurations::{Configurations, Under};
-use crate::model::joined::Joined;
 use crate::model::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::numerics::random::Random;
@@ -339,11 +339,11 @@ impl Space<'_> {
             let beta = at.beta_of(&columns);
             Ok((model, beta))
         };
-        let readings = match &mut self.joined(&configurations, &under)? {
+        let readings = match &mut self.been(&configurations, &under)? {
             None => configurations.closed_by(each, random, &under)?,
-            Some(joined) => {
-                let mut keep = |keys: &[usize], drawn: &mut [_]| joined.keep(keys, drawn);
-                configurations.closed_where(each, random, &under, &mut keep)?
+            Some(been) => {
+                let mut draw = |keys: &[usize], random: &mut _| been.draw(keys, random, &under);
+                configurations.closed_of(each, random, 1, &mut draw)?
             }
         };
         let poses = if mechanism.platform.is_empty() {
@@ -365,16 +365,16 @@ impl Space<'_> {
 
     /// Where the mechanism has been: in the poses of the session or, before one, as it is drawn. None where all
     /// configurations are as good: nothing closes a loop but what is touched.
-    fn joined(
+    fn been<'a>(
         &self,
-        configurations: &Configurations,
+        configurations: &'a Configurations,
         under: &Under<'_>,
-    ) -> Result<Option<Joined>, Error> {
+    ) -> Result<Option<Been<'a>>, Error> {
         let (at, session) = (self.at, self.at.session);
         let mechanism = &at.model.mechanism;
         if session.weights.iter().any(|weight| *weight > 0.0) {
             let been = (&at.model, &*session.readings, &at.beta[..]);
-            return Joined::new(configurations, under, been, &session.weights);
+            return Ok(Been::new(configurations, been, &session.weights));
         }
         if mechanism.platform.is_empty() {
             return Ok(None);
@@ -386,7 +386,7 @@ impl Space<'_> {
         let nearest = (0..off.len()).min_by(|&a, &b| off[a].total_cmp(&off[b]));
         let weights: Vec<f64> =
             (0..off.len()).map(|row| f64::from(u8::from(Some(row) == nearest))).collect();
-        Joined::new(configurations, under, (&model, &drawn, &beta), &weights)
+        Ok(Been::new(configurations, (&model, &drawn, &beta), &weights))
     }
 
     /// A table of so many poses that are read after a session: with its last temperature and session.

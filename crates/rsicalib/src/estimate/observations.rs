@@ -19,10 +19,9 @@ pub struct Observations {
     pub readings: Arc<Readings>,
     /// A reading of the rest pose, averaged, one per channel.
     pub rest: Option<Vec<f64>>,
-    /// Joint coordinates in the rest pose, one per channel.
-    pub rest_angles: Option<Vec<f64>>,
-    /// Others that hold the platform there, nearer to what the reading says as declared; none where there are none.
-    pub rest_as_read: Option<Vec<f64>>,
+    /// Joint coordinates in the rest pose, one per channel: from the middle of their limits, then others that hold
+    /// the platform there, nearer to what the reading says as declared; empty where none are known.
+    pub rest_angles: Vec<Vec<f64>>,
     /// Weight of each sample; zero for a sample that is left out.
     pub weights: Vec<f64>,
     /// Readings about which offsets and gains are told apart, one per channel: the means, or as is expected;
@@ -167,11 +166,11 @@ impl Observations {
             }
             None => None,
         };
-        let (rest_angles, rest_as_read) = match &mechanism.rest {
+        let rest_angles = match &mechanism.rest {
             Some(r) if !mechanism.platform.is_empty() => {
                 rest_angles(&mechanism, &r.pose, rest.as_deref())
             }
-            _ => (None, None),
+            _ => Vec::new(),
         };
         let held = match (&mechanism.rest, &rest) {
             (Some(declared), Some(row)) if declared.sd.is_some() => {
@@ -205,7 +204,6 @@ impl Observations {
             readings,
             rest,
             rest_angles,
-            rest_as_read,
             weights,
             centre,
             steps,
@@ -311,15 +309,16 @@ impl Observations {
     pub fn anchors(&self) -> Vec<Anchor> {
         let channels = &self.mechanism.channels;
         let all = |f: &dyn Fn(usize) -> (f64, f64)| (0..channels.len()).map(f).collect();
-        if let (Some(rest), Some(angles)) = (&self.rest, &self.rest_angles) {
+        let drawn = self.rest_angles.first();
+        if let (Some(rest), Some(_)) = (&self.rest, drawn) {
             let anchor = |angles: &Vec<f64>| Anchor {
                 kind: AnchorKind::Rest,
                 at: all(&|c| (rest[c], angles[c])),
                 known: true,
             };
-            return std::iter::once(angles).chain(&self.rest_as_read).map(anchor).collect();
+            return self.rest_angles.iter().map(anchor).collect();
         }
-        let nominal = |c: usize| match &self.rest_angles {
+        let nominal = |c: usize| match drawn {
             Some(angles) => ((angles[c] - channels[c].offset) / channels[c].gain, angles[c]),
             None => (self.readings.mean[c], channels[c].angle(self.readings.mean[c])),
         };
@@ -331,7 +330,7 @@ impl Observations {
                 known: false,
             },
         ];
-        if let Some(angles) = &self.rest_angles
+        if let Some(angles) = drawn
             && channels.iter().all(|c| c.range.is_some())
         {
             let at = all(&|c| (channels[c].middle(), angles[c]));
@@ -343,24 +342,17 @@ impl Observations {
 
 /// Joint angles of the rest pose, from the middle of their limits; and those that are reached from what a reading of it
 /// says as declared, where these are others: elbows may be up or down.
-fn rest_angles(
-    mechanism: &Mechanism,
-    pose: &[f64; 6],
-    rest: Option<&[f64]>,
-) -> (Option<Vec<f64>>, Option<Vec<f64>>) {
+fn rest_angles(mechanism: &Mechanism, pose: &[f64; 6], rest: Option<&[f64]>) -> Vec<Vec<f64>> {
     let from_middle = assembly::inverse(mechanism, pose).ok();
     let as_read = |rest: &[f64]| {
         let start = mechanism.channels.iter().zip(rest).map(|(c, reading)| c.angle(*reading));
         assembly::inverse_from(mechanism, pose, start.collect()).ok()
     };
-    let as_read = rest.and_then(as_read);
-    if from_middle.is_none() {
-        return (as_read, None);
-    }
-    let others = |q: &Vec<f64>| {
-        let both = q.iter().zip(from_middle.iter().flatten());
-        both.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) > APART
+    let apart = |a: &[f64], b: &[f64]| {
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) > APART
     };
-    let as_read = as_read.filter(others);
-    (from_middle, as_read)
+    let mut found: Vec<Vec<f64>> = from_middle.into_iter().collect();
+    let as_read = rest.and_then(as_read).filter(|own| found.iter().all(|other| apart(own, other)));
+    found.extend(as_read);
+    found
 }

@@ -37,27 +37,20 @@ const PLACEMENTS: usize = 6;
 const MOST_KEYS: usize = 10_000;
 
 /// Rows of a session that configurations are drawn about.
-const ROWS: usize = 64;
+pub(crate) const ROWS: usize = 64;
 
-/// Newton steps of one configuration.
-const STEPS: usize = 60;
+/// Steps of one configuration: Newton's, or those of a path.
+pub(crate) const STEPS: usize = 60;
 
 /// Rounds of drawing, each twice what is missing.
 const ROUNDS: usize = 40;
-
-/// Configurations that are apart, of which so many are drawn before fewer than were asked for are enough.
-const LEAST_APART: usize = 200;
-
-/// Configurations taken out for each that is asked for, after which nothing more is drawn. Half of one is enough where a tenth of
-/// what is asked for has been found.
-const MOST_APART: usize = 2;
 
 /// Rounds after which nothing more is drawn for keys of which none has closed, if so many were drawn as all rounds
 /// draw for one. Of twenty draws for each that is asked for none has closed.
 const HOPELESS: usize = 10;
 
-/// Longest Newton step of a joint [rad, or lengths of the longest link].
-const LONGEST_STEP: f64 = 0.3;
+/// Longest step of a joint, Newton's or of a path [rad, or lengths of the longest link].
+pub(crate) const LONGEST_STEP: f64 = 0.3;
 
 /// Misclosure of a closed configuration, as a fraction of the reach.
 const CLOSED: f64 = 1e-10;
@@ -68,11 +61,16 @@ type Placed = (Thing, Vec<String>, Vec<f64>);
 /// The model of readings, and its parameters.
 pub(crate) type Under<'a> = dyn Fn(&Readings) -> Result<(Model, Vec<f64>), Error> + 'a;
 
-/// Takes out some of the configurations with these keys, and says how many.
-pub(crate) type Keep<'a> = dyn FnMut(&[usize], &mut [Option<Closed>]) -> usize + 'a;
+/// Random configurations that need not close, and the model of their loops.
+pub(crate) struct Open {
+    pub(crate) readings: Readings,
+    pub(crate) model: Model,
+    pub(crate) beta: Vec<f64>,
+}
 
-/// What is said of a configuration that a path joins to where a mechanism has been.
-const JOINED: &str = "joined by a path to where the mechanism is known to have been";
+/// Configurations with these keys, where there are.
+pub(crate) type Draw<'a> =
+    dyn FnMut(&[usize], &mut Random) -> Result<Vec<Option<Closed>>, Error> + 'a;
 
 /// Where the joints of a mechanism may be, and which unknown points its tips may touch.
 #[derive(Debug)]
@@ -277,54 +275,34 @@ impl Configurations {
         random: &mut Random,
         under: &Under<'_>,
     ) -> Result<Readings, Error> {
-        self.closed_where(each, random, under, &mut |_, _| 0)
+        self.closed_of(each, random, 2, &mut |keys, random| self.close(keys, random, under))
     }
 
-    /// As [`Configurations::closed_by`], of those that `keep` leaves where they are: it says how many it has
-    /// taken out.
-    pub(crate) fn closed_where(
+    /// As [`Configurations::closed`], of those that are drawn, of each that is missing so many.
+    pub(crate) fn closed_of(
         &self,
         each: usize,
         random: &mut Random,
-        under: &Under<'_>,
-        keep: &mut Keep<'_>,
+        drawn: usize,
+        draw: &mut Draw<'_>,
     ) -> Result<Readings, Error> {
-        let (mut apart, asked) = (0, each * self.keys.len());
         let mut found: Vec<Vec<Closed>> = vec![Vec::new(); self.keys.len()];
         for round in 0..ROUNDS {
             let missing = |(key, found): (usize, &Vec<Closed>)| {
                 let hopeless = round >= HOPELESS && each * round >= ROUNDS && found.is_empty();
-                std::iter::repeat_n(key, if hopeless { 0 } else { 2 * (each - found.len()) })
+                std::iter::repeat_n(key, if hopeless { 0 } else { drawn * (each - found.len()) })
             };
             let wanted: Vec<usize> = found.iter().enumerate().flat_map(missing).collect();
-            let kept = found.iter().map(Vec::len).sum::<usize>();
-            let few = 10 * kept < asked;
-            let tried = if few { MOST_APART * asked } else { asked.div_ceil(2) };
-            if wanted.is_empty() || apart >= tried.max(LEAST_APART) {
+            if wanted.is_empty() {
                 break;
             }
-            let mut drawn = self.close(&wanted, random, under)?;
-            let mut room: Vec<usize> = found.iter().map(|found| each - found.len()).collect();
-            for (key, closed) in wanted.iter().zip(&mut drawn).filter(|(_, c)| c.is_some()) {
-                match room[*key].checked_sub(1) {
-                    Some(left) => room[*key] = left,
-                    None => *closed = None,
-                }
-            }
-            apart += keep(&wanted, &mut drawn);
-            for (key, closed) in wanted.iter().zip(drawn) {
-                found[*key].extend(closed);
+            for (key, closed) in wanted.iter().zip(draw(&wanted, random)?) {
+                let own = &mut found[*key];
+                own.extend(closed.filter(|_| own.len() < each));
             }
         }
-        let kept = found.iter().map(Vec::len).sum::<usize>();
-        if kept == 0 && apart > 0 {
-            return Err(Error::Mechanism {
-                place: quoted(&self.free.name),
-                found: format!("{apart} random configurations that close, none of them {JOINED}"),
-                expected: self.wanted(),
-            });
-        }
-        if 4 * (kept + apart) < 3 * asked {
+        let (kept, asked) = (found.iter().map(Vec::len).sum::<usize>(), each * self.keys.len());
+        if 4 * kept < 3 * asked {
             return Err(Error::Mechanism {
                 place: quoted(&self.free.name),
                 found: format!("{kept} of {asked} random configurations that close"),
@@ -412,13 +390,12 @@ impl Configurations {
         random: &mut Random,
         under: &Under<'_>,
     ) -> Result<Vec<Option<Closed>>, Error> {
-        let readings = self.open(keys, random)?;
-        let (model, mut beta) = under(&readings)?;
-        self.put(&model, &mut beta);
-        let blocks: Vec<Vec<(usize, Option<Closed>)>> =
-            workers::map(0..readings.blocks().len(), |block| {
-                self.close_block(&model, &readings, block, &beta)
-            });
+        let open = self.opened(keys, random, under)?;
+        let blocks = workers::map(0..open.readings.blocks().len(), |block| {
+            let start = self.start(&open, block, &mut Workspace::default());
+            let closed = self.close_block(&open, block, start);
+            open.readings.blocks()[block].rows.into_iter().zip(closed).collect::<Vec<_>>()
+        });
         let mut found = vec![None; keys.len()];
         for (row, closed) in blocks.into_iter().flatten() {
             found[row] = closed;
@@ -426,14 +403,41 @@ impl Configurations {
         Ok(found)
     }
 
-    /// Newton's method on the samples of one block.
-    fn close_block(
+    /// As [`Configurations::open`], with what is unknown in its place.
+    pub(crate) fn opened(
         &self,
-        model: &Model,
-        readings: &Readings,
+        keys: &[usize],
+        random: &mut Random,
+        under: &Under<'_>,
+    ) -> Result<Open, Error> {
+        let readings = self.open(keys, random)?;
+        let (model, mut beta) = under(&readings)?;
+        self.put(&model, &mut beta);
+        Ok(Open { readings, model, beta })
+    }
+
+    /// Where the samples of one block are, with what is unknown in each alone.
+    pub(crate) fn start(&self, open: &Open, block: usize, ws: &mut Workspace) -> Vec<Lanes> {
+        let Open { readings, model, beta } = open;
+        let want = Want { x: false, a: true };
+        model.evaluate(readings, block, readings.raw(block), beta, want, ws);
+        if model.closures.iter().any(|closure| seen(closure).is_some()) {
+            // Nothing has been seen yet: what is of one pose alone is looked for where it is drawn.
+            for (slot, drawn) in model.posed.slots() {
+                slot.iter().for_each(|&slot| ws.xi[slot] = Lanes::splat(drawn));
+            }
+        }
+        readings.raw(block).iter().chain(&ws.xi).copied().collect()
+    }
+
+    /// Newton's method on the samples of one block.
+    pub(crate) fn close_block(
+        &self,
+        open: &Open,
         block: usize,
-        beta: &[f64],
-    ) -> Vec<(usize, Option<Closed>)> {
+        mut at: Vec<Lanes>,
+    ) -> Vec<Option<Closed>> {
+        let Open { readings, model, beta } = open;
         let meta = &readings.blocks()[block];
         let sizes = self.sizes(model);
         let known: Vec<usize> = model
@@ -442,16 +446,7 @@ impl Configurations {
             .filter(|c| closes(c))
             .flat_map(|c| c.equation..c.equation + c.equations())
             .collect();
-        let mut ws = Workspace::default();
-        let want = Want { x: false, a: true };
-        model.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
-        if model.closures.iter().any(|closure| seen(closure).is_some()) {
-            // Nothing has been seen yet: what is of one pose alone is looked for where it is drawn.
-            for (slot, drawn) in model.posed.slots() {
-                slot.iter().for_each(|&slot| ws.xi[slot] = Lanes::splat(drawn));
-            }
-        }
-        let mut at: Vec<Lanes> = readings.raw(block).iter().chain(&ws.xi).copied().collect();
+        let (mut ws, want) = (Workspace::default(), Want { x: false, a: true });
         let misclosure = |ws: &Workspace, lane: usize| -> Vec<f64> {
             known.iter().map(|&k| ws.f[k].0[lane] / sizes[k]).collect()
         };
@@ -476,7 +471,7 @@ impl Configurations {
                 && self.within(&values, &mut at[self.spread.len()..].iter().map(|a| a.0[lane]));
             let distances = measured(model, readings, block, beta, &ws, lane);
             let places = at[self.spread.len()..].iter().map(|a| a.0[lane]).collect();
-            (meta.rows[lane], closed.then_some(Closed { values, places, distances }))
+            closed.then_some(Closed { values, places, distances })
         };
         (0..meta.live).map(lane).collect()
     }

@@ -2,6 +2,7 @@
 
 mod across;
 pub mod assembly;
+pub(crate) mod been;
 #[cfg(feature = "document")]
 mod between;
 mod compile;
@@ -12,11 +13,11 @@ mod ends;
 mod evaluation;
 mod hanging;
 mod instance;
-pub(crate) mod joined;
 pub(crate) mod known;
 mod law_at;
 mod laws;
 mod lean;
+mod loops;
 mod near;
 mod null;
 mod numbering;
@@ -27,11 +28,13 @@ mod scattered;
 mod shown;
 mod specification;
 mod spheres;
+mod stiff;
 mod surfaces;
 mod thing;
 mod told_poses;
 mod turning;
 mod unknown_points;
+mod walk;
 mod workspace;
 
 pub use crate::mechanism::MOST_PARAMETERS;

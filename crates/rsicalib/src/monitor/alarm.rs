@@ -47,6 +47,9 @@ pub struct Alarm {
     pub revises: Option<u64>,
     /// What to do about it.
     pub action: Action,
+    /// Why a change has no name; none of one that has.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub unnamed: Option<Unnamed>,
 }
 
 /// Term and target of what has changed, which has no other place.
@@ -87,6 +90,16 @@ pub enum Action {
     Recalibrate,
     /// What the readings say of the platform cannot be trusted, and no calibration mends that: stop.
     Stop,
+}
+
+/// Why a change has no name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+pub enum Unnamed {
+    /// Alarms follow each other faster than false ones may: nothing is tested any more.
+    ManyAlarms,
+    /// Loops are farther open than any change explains: nothing is tested until they close again.
+    FarOff,
 }
 
 /// One parameter of a change.

@@ -7,7 +7,7 @@
 //! ```text
 //! d = β₂ - β₁ ~ N(0, C),    C = C₁ + C₂,    T = dᵀ C⁻¹ d ~ χ²(k)
 //! T - T_R ~ χ²(k - k_R),    T_R = d_Rᵀ C_RR⁻¹ d_R
-//! δ_S = d_S - C_SR C_RR⁻¹ d_R,    cov δ_S = C_SS - C_SR C_RR⁻¹ C_RS                            (176)
+//! δ_S = d_S - C_SR C_RR⁻¹ d_R,    cov δ_S = C_SS - C_SR C_RR⁻¹ C_RS                            (175)
 //! ```
 //!
 //! if nothing has changed, or the parameters `S` alone and none of the others, `R`.
@@ -136,7 +136,7 @@ impl Both {
         self.covariance.select_rows(some).select_columns(some)
     }
 
-    /// `T_R` of (176) where these terms have changed, and its degrees of freedom.
+    /// `T_R` of (175) where these terms have changed, and its degrees of freedom.
     fn left(&self, changed: &[usize]) -> (f64, usize) {
         let rest = self.others(changed);
         let (inverse, rank) = inverse(&self.of(&rest));
@@ -170,7 +170,7 @@ impl Both {
         [term.clone(), target.clone().unwrap_or_default()]
     }
 
-    /// `δ_S` of (176) and its covariance, in the place of all parameters.
+    /// `δ_S` of (175) and its covariance, in the place of all parameters.
     fn estimates(&self, changed: &[usize]) -> (DVector<f64>, DMatrix<f64>) {
         let rest = self.others(changed);
         let by = self.covariance.select_columns(&rest) * inverse(&self.of(&rest)).0;

@@ -17,7 +17,8 @@ use crate::estimate::{Noise, Observations};
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Spec;
 use crate::monitor::alarm::Change;
-use crate::monitor::far::{LINEAR, nearest_turn, sd_about};
+use crate::monitor::any_angle::{Turned, nearest_turn};
+use crate::monitor::far::LINEAR;
 use crate::monitor::platform::Seen;
 use crate::monitor::rows::Rows;
 use crate::monitor::score::Score;
@@ -127,17 +128,6 @@ pub(super) struct Ranked {
     pub(super) log_p: f64,
     /// That probability for any of the candidates.
     pub(super) p_value: f64,
-}
-
-/// The joint that explains a session best by another offset, wherever that is.
-#[derive(Debug, Clone, Copy)]
-struct Turned {
-    candidate: usize,
-    /// By what angle (rad), and the standard deviation of that.
-    shift: f64,
-    sd: f64,
-    /// `χ²` that it leaves.
-    squares: f64,
 }
 
 /// A change that is named.
@@ -335,21 +325,15 @@ impl<'a> Session<'a> {
         let ((_, shift), candidate) = best.min_by(|a, b| a.0.0.total_cmp(&b.0.0))?;
         let position = watched.candidates[candidate].columns[0];
         let (column, step) = (watched.order[position], watched.scale[position]);
-        let mut of_all = self.about(watched, column);
-        let (squares, sd) = (of_all(shift), sd_about(&mut |by| of_all(shift + by), step));
-        Some(Turned { candidate, shift, sd, squares })
+        Some(Turned::at(candidate, shift, &mut self.about(watched, column), step))
     }
 
     /// Counts from where a joint has turned to, and gives the sums about that.
     fn take(&self, watched: &mut Watched, was: &mut Vec<f64>, turned: Turned) -> Pass {
-        let position = watched.candidates[turned.candidate].columns[0];
-        watched.at[watched.order[position]] += turned.shift;
+        let mut prior = std::mem::take(&mut watched.prior);
+        turned.go_on(watched, &mut prior);
+        watched.prior = prior;
         was.clone_from(&watched.at);
-        let known = watched.prior.len().isqrt();
-        if position < known {
-            let variance = (turned.sd / watched.scale[position]).powi(2);
-            watched.prior[position * (known + 1)] += variance;
-        }
         self.settle(watched, was, &[])
     }
 

@@ -92,7 +92,8 @@ impl Monitor {
         let mut known = DMatrix::zeros(size, size);
         known.view_mut((0, 0), (m, m)).copy_from(&old);
         let named = Kind { candidate: suspects.first()?.candidate, drifts: false }.into();
-        Some(Open { suspects, named, places, width, was, known, alarm: Alarm::default() })
+        let alarm = Alarm::default();
+        Some(Open { suspects, named, places, width, was, known, alarm, left: None })
     }
 
     /// The suspects that are estimated together: as many as there is room for.

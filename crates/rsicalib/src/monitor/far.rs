@@ -9,7 +9,8 @@
 use nalgebra::DMatrix;
 
 use crate::model::Spec;
-use crate::monitor::alarm::{Action, Alarm, Change};
+use crate::monitor::alarm::{Action, Alarm, Change, Unnamed};
+use crate::monitor::any_angle::{Turned, nearest_turn};
 use crate::monitor::recent::{Kept, numbered};
 use crate::monitor::thresholds::log_tail;
 use crate::monitor::watching::{CONFIRMED, Monitor, Tested};
@@ -21,20 +22,6 @@ pub(super) const LINEAR: f64 = 0.05;
 
 /// Typical sizes beyond which a linearised change is not believed by itself.
 const FAR: f64 = 10.0;
-
-/// Angles of a turn that are tried: between two of them a sum of squares has one minimum.
-const ANGLES: usize = 64;
-
-/// Times that the room for an angle is narrowed by the golden section: from two steps of the turn to rounding.
-const NARROWED: usize = 40;
-
-/// The angle of a joint that explains some rows best.
-#[derive(Debug, Clone, Copy)]
-struct Turned {
-    candidate: usize,
-    shift: f64,
-    squares: f64,
-}
 
 impl Monitor {
     /// The alarm of what is far off, from the row `first` on, in place of those that are `said` of it. None where these
@@ -92,7 +79,13 @@ impl Monitor {
         let began = self.began(first, tested);
         let mut spec = Spec { term: UNNAMED.into(), target: Some(ALL.into()), place: None };
         let unit = self.watched.under.model.mechanism.length_unit.clone();
-        let mut found = Alarm { action: Action::Stop, size: self.misclosure(rows), unit, ..began };
+        let mut found = Alarm {
+            action: Action::Stop,
+            size: self.misclosure(rows),
+            unit,
+            unnamed: Some(Unnamed::FarOff),
+            ..began
+        };
         let mut named = alone.iter().filter_map(|(_, size, candidate)| {
             let place = self.watched.places.iter().find(|p| p.candidate == *candidate)?;
             let own =
@@ -103,6 +96,7 @@ impl Monitor {
             let sd = size / (2.0 * rows.len() as f64).sqrt();
             let change = Change { name: "noise".into(), value: size, sd, unit: unit.clone() };
             (spec, found.size, found.sd, found.unit) = (own, size, sd, unit);
+            found.unnamed = None;
             found.parameters = vec![change];
             found.also_fits = named.map(|(own, ..)| own).collect();
         }
@@ -147,7 +141,11 @@ impl Monitor {
     fn names_all(&mut self, alarms: &[Alarm], last: u64) -> bool {
         let numbers: usize = alarms.iter().map(|alarm| alarm.parameters.len()).sum();
         let Some(open) = self.open.take() else { return true };
-        let rest = self.refit(&open, open.named, last);
+        let known = open.left.filter(|left| left.kinds == open.named && left.last == last);
+        let rest = match known {
+            Some(left) => Some(left.rest),
+            None => self.refit(&open, open.named, last),
+        };
         self.open = Some(open);
         let left = rest.is_none_or(|rest| self.leaves(rest.squares, rest.rows));
         numbers < CONFIRMED * self.r.len() && !left
@@ -189,14 +187,15 @@ impl Monitor {
     fn turn(&mut self, candidate: usize, rows: &[Kept]) -> Turned {
         let position = self.watched.candidates[candidate].columns[0];
         let column = self.watched.order[position];
-        let was = self.watched.at[column];
+        let (was, step) = (self.watched.at[column], self.watched.scale[position]);
         let mut at = |shift: f64| {
             self.watched.at[column] = was + shift;
             self.squares_of(rows)
         };
-        let (squares, shift) = nearest_turn(&mut at);
+        let (_, shift) = nearest_turn(&mut at);
+        let turned = Turned::at(candidate, shift, &mut at, step);
         self.watched.at[column] = was;
-        Turned { candidate, shift, squares }
+        turned
     }
 
     /// What rows leave about the present parameters, as they are known before these rows.
@@ -225,21 +224,17 @@ impl Monitor {
         tested: Tested,
     ) -> Alarm {
         let named = self.watched.candidates[best.candidate].clone();
-        let mut position = named.columns[0];
+        let position = named.columns[0];
         let before = self.watched.at.clone();
-        self.watched.at[self.watched.order[position]] += best.shift;
-        let sd = self.sd_of(position, rows);
         if position >= self.watched.uncertain {
             self.score.turned.swap(position, self.watched.uncertain);
-            let joined = self.watched.uncertain;
             self.watched.join(position);
-            position = joined;
         }
         let (known, size) = (self.state.size, self.watched.uncertain);
         let mut covariance = DMatrix::zeros(size, size);
         let own = DMatrix::from_row_slice(known, known, &self.state.covariance);
         covariance.view_mut((0, 0), (known, known)).copy_from(&own);
-        covariance[(position, position)] += (sd / self.watched.scale[position]).powi(2);
+        best.go_on(&mut self.watched, covariance.as_mut_slice());
         let mean = self.state.mean.clone();
         self.state.set(&mean, &covariance);
         let watched = &self.watched;
@@ -247,32 +242,20 @@ impl Monitor {
         let in_row = |at: &[f64]| watched.in_row(at, tested.row);
         let platform_rms = self.seen.change(watched, noise, &in_row(&before), &in_row(&watched.at));
         let (name, unit) = &named.parameters[0];
-        let change = Change { name: (*name).into(), value: best.shift, sd, unit: unit.clone() };
+        let change =
+            Change { name: (*name).into(), value: best.shift, sd: best.sd, unit: unit.clone() };
         let first = rows.first().map_or(tested.row, |row| row.0);
         self.open = None;
         Alarm {
             spec: named.spec,
             size: best.shift,
-            sd,
+            sd: best.sd,
             unit: unit.clone(),
             parameters: vec![change],
             platform_rms,
             also_fits,
             ..self.began(first, tested)
         }
-    }
-
-    /// Standard deviation (rad) of the angle of a joint by these rows, from the curvature of the sum of squares.
-    fn sd_of(&mut self, position: usize, rows: &[Kept]) -> f64 {
-        let column = self.watched.order[position];
-        let (was, step) = (self.watched.at[column], self.watched.scale[position]);
-        let mut at = |by: f64| {
-            self.watched.at[column] = was + by;
-            self.squares_of(rows)
-        };
-        let sd = sd_about(&mut at, step);
-        self.watched.at[column] = was;
-        sd
     }
 
     /// An alarm of rows that are far outside from the row `first` on.
@@ -290,46 +273,4 @@ impl Monitor {
             ..Alarm::default()
         }
     }
-}
-
-/// The angle (rad) at which a sum of squares is least, and that sum.
-pub(super) fn nearest_turn(at: &mut impl FnMut(f64) -> f64) -> (f64, f64) {
-    let step = std::f64::consts::TAU / ANGLES as f64;
-    let shift = |k: usize| (k as f64 - 0.5 * ANGLES as f64) * step;
-    let tried: Vec<f64> = (0..ANGLES).map(|k| at(shift(k))).collect();
-    // A linkage may be closed in several ways, or nearly.
-    let valleys = (0..ANGLES).filter(|&k| {
-        let beside = [ANGLES - 1, 1].map(|by| tried[(k + by) % ANGLES]);
-        beside.iter().all(|own| tried[k] <= *own)
-    });
-    let lowest = valleys.map(|k| lowest(at, shift(k), step));
-    lowest.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 0.0))
-}
-
-/// Standard deviation of an angle, from the curvature of a sum of squares about it.
-pub(super) fn sd_about(at: &mut impl FnMut(f64) -> f64, step: f64) -> f64 {
-    let curvature = (at(step) + at(-step) - 2.0 * at(0.0)) / (step * step);
-    (2.0 / curvature.max(f64::MIN_POSITIVE)).sqrt().min(std::f64::consts::PI)
-}
-
-/// The least value of a function within a step of a place, and where, by the golden section.
-fn lowest(at: &mut impl FnMut(f64) -> f64, near: f64, step: f64) -> (f64, f64) {
-    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-    let (mut low, mut high) = (near - step, near + step);
-    let inner = |low: f64, high: f64| [high - golden * (high - low), low + golden * (high - low)];
-    let mut x = inner(low, high);
-    let mut y = x.map(&mut *at);
-    for _ in 0..NARROWED {
-        if y[0] < y[1] {
-            high = x[1];
-            x = inner(low, high);
-            y = [at(x[0]), y[0]];
-        } else {
-            low = x[0];
-            x = inner(low, high);
-            y = [y[1], at(x[1])];
-        }
-    }
-    let place = 0.5 * (low + high);
-    (at(place), place)
 }

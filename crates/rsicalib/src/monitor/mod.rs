@@ -45,6 +45,7 @@
 //! | | `weighing` | two changes in one row, what is stuck, what has no name |
 
 pub mod alarm;
+mod any_angle;
 pub mod by_parameters;
 pub mod closing;
 pub mod compare;

@@ -68,7 +68,7 @@ impl Monitor {
     fn corrected(&mut self, tested: Tested) -> Vec<Alarm> {
         let Some(open) = self.open.take() else { return Vec::new() };
         let mut open = self.refreshed(open, tested.row);
-        let (names, rest) = self.compare(&open, tested.row);
+        let (names, rest) = self.compare(&mut open, tested.row);
         let revises = Some(open.alarm.row);
         let corrected = self.reconsider(&open, &names, rest, tested, revises);
         if let Some(corrected) = corrected {
@@ -124,7 +124,7 @@ impl Monitor {
             p_value: self.thresholds.p_value(best.rank, best.statistic, self.values()),
             ..Alarm::default()
         };
-        let (names, rest) = self.compare(&open, tested.row);
+        let (names, rest) = self.compare(&mut open, tested.row);
         open.named = names.first().map_or(open.named, |name| name.kinds);
         if let Some(alarms) = self.reconsider(&open, &names, rest, tested, None) {
             return alarms;
@@ -138,7 +138,7 @@ impl Monitor {
     pub(super) fn look_again(&mut self, tested: Tested) {
         let Some(open) = self.open.take() else { return };
         let mut open = self.refreshed(open, tested.row);
-        let (names, rest) = self.compare(&open, tested.row);
+        let (names, rest) = self.compare(&mut open, tested.row);
         let revises = Some(open.alarm.row);
         if let Some(alarms) = self.reconsider(&open, &names, rest, tested, revises) {
             return self.alarms.extend(alarms);

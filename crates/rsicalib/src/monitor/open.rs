@@ -41,6 +41,16 @@ pub(crate) struct Open {
     /// Covariance of the state before the change.
     pub(crate) known: DMatrix<f64>,
     pub(crate) alarm: Alarm,
+    /// What the name that was fitted last leaves of the rows up to one.
+    pub(crate) left: Option<Left>,
+}
+
+/// What a name leaves of the rows of a change up to one.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Left {
+    pub(crate) kinds: Kinds,
+    pub(crate) last: u64,
+    pub(crate) rest: Rest,
 }
 
 /// A candidate that is estimated.

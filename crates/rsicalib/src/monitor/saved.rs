@@ -106,6 +106,7 @@ impl Default for Open {
             was: Vec::new(),
             known: DMatrix::zeros(0, 0),
             alarm: Alarm::default(),
+            left: None,
         }
     }
 }

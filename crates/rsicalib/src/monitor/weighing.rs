@@ -14,7 +14,7 @@
 //! once, says where, and is silent from then on.
 
 use crate::model::Spec;
-use crate::monitor::alarm::{Action, Alarm, Change};
+use crate::monitor::alarm::{Action, Alarm, Change, Unnamed};
 use crate::monitor::estimating::TYPICAL;
 use crate::monitor::open::{Name, Open, Rest};
 use crate::monitor::recent::Linearised;
@@ -121,7 +121,7 @@ impl Monitor {
     ) -> Option<Vec<Alarm>> {
         let beside: Vec<Suspect> = candidates.iter().map(|&k| Suspect::of(k)).collect();
         let mut pair = self.begin_again(open, &beside, tested.row)?;
-        let (names, _) = self.compare(&pair, tested.row);
+        let (names, _) = self.compare(&mut pair, tested.row);
         pair.named = names.first().map_or(pair.named, |name| name.kinds);
         let alarms = self.alarms_of(&pair, &names, tested, revises);
         self.open = Some(pair);
@@ -366,6 +366,7 @@ impl Monitor {
             unit: "alarms".into(),
             p_value,
             action: Action::Stop,
+            unnamed: Some(Unnamed::ManyAlarms),
             ..Alarm::default()
         })
     }
