@@ -133,9 +133,8 @@ mod tests {
     fn equal_coordinates_have_one_unit_and_counts_are_none_where_another_is_known() {
         let unit = |channels: &[(&str, f64)]| {
             let mechanism = row_of(channels);
-            let units: Vec<_> = (0..channels.len())
-                .map(|c| mechanism.unit_at(Target::Channel(c), "rad"))
-                .collect();
+            let units: Vec<_> =
+                (0..channels.len()).map(|c| mechanism.unit_at(Target::Channel(c), "rad")).collect();
             assert!(units.iter().all(|unit| *unit == units[0]), "{units:?}");
             units[0].clone()
         };
