@@ -132,6 +132,21 @@ def test_counts_that_are_equal_to_an_angle_give_an_angle() -> None:
     assert unit_of(mechanism) == {"leader": "rad", "follower": "rad"}
 
 
+def test_one_number_is_not_the_noise_of_channels_in_several_units() -> None:
+    values = changed(lambda _: None)
+    in_degrees(values["channel"][0])
+    mechanism = Mechanism(values)
+    rows = {channel.name: np.zeros(4) for channel in mechanism.channels}
+    units = {channel.name: channel.unit for channel in mechanism.channels}
+    with pytest.raises(
+        rsicalib.InputError, match="found one number, 1.5, for channels in"
+    ) as found:
+        rsicalib.calibrate(rows, mechanism, noise=1.5)
+    assert all(f"{name} [{unit}]" in found.value.message for name, unit in units.items())
+    with pytest.raises(rsicalib.InputError, match="found one number"):
+        rsicalib.trace(rows, mechanism, noise=1.5)
+
+
 def test_what_is_printed_is_what_was_written() -> None:
     rng = np.random.default_rng(5)
     for _ in range(200):
