@@ -294,7 +294,8 @@ def folded(summary: str, inner: str) -> str:
 def mechanism_file() -> dict[str, Any]:
     """Schema of a mechanism file: of a mechanism, and of what a robot description stands for in it.
 
-    Beside a chain from a URDF, channels need not be declared, nor what the description tells of them.
+    Beside a chain from a URDF channels need not be declared, nor what the description tells of
+    them.
     """
     schema: dict[str, Any] = json.loads(_core.mechanism_schema())
     kinds = schema["$defs"]

@@ -185,7 +185,7 @@ def test_the_noise_of_a_fixture_calibration_is_that_of_one_reading() -> None:
     assert known.poses is not None
     found = rsicalib.fixture(known)
     assert found.noise is not None and found.noise.dof is not None
-    angles = oracle.rsi_inverse(known.poses)
+    angles = oracle.rsi_inverse(known.poses).reshape(-1, 9)
     for c, name in enumerate(known.channels):
         counts = known.values[:, c]
         means = (a.reshape(20, 8).mean(axis=1) for a in (counts, angles[:, c]))

@@ -121,8 +121,8 @@ def test_no_typical_size_stands_for_what_a_joint_gives_about_a_vertical_axis(
 ) -> None:
     """Beside another compliance, too: typical sizes hold what several joints give.
 
-    Witness: the torque of a weight about a vertical axis through the base is `z · (r × down)`, which
-    is zero for every place `r`.
+    Witness: the torque of a weight about a vertical axis through the base is `z · (r × down)`,
+    which is zero for every place `r`.
     """
     job, machine, read = on_sockets(0.0)
     turned = job.body.torque(job.q, "q1")

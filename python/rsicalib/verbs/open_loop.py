@@ -48,8 +48,8 @@ def fixture(
     Returns
     -------
     Calibration
-        Whose noise is that of one reading about its line, by the repeats in a pose and by the scatter
-        of poses: lack of fit cannot be judged.
+        Whose noise is that of one reading about its line, by the repeats in a pose and by the
+        scatter of poses: lack of fit cannot be judged.
 
     Raises
     ------
@@ -73,9 +73,10 @@ def fixture(
     known_rows = np.isfinite(poses).all(axis=1)
     if not known_rows.all():
         without = len(np.unique(job.readings[0].pose[~known_rows]))
+        rows = len(known_rows) - known_rows.sum()
         text = (
-            f"{job.readings[0].source}: {len(known_rows) - known_rows.sum()} rows of {without} poses "
-            f"have no known pose (x y z rx ry rz) and are not used; {count} poses are"
+            f"{job.readings[0].source}: {rows} rows of {without} poses have no known pose "
+            f"(x y z rx ry rz) and are not used; {count} poses are"
         )
         job.warnings.append(Warned("unused_poses", None, text))
     parameters, blocks, sigma = [], [], {}
