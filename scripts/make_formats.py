@@ -244,8 +244,8 @@ RESULTS = """\
 ## Results: JSON
 
 `--json` prints one document on standard output; `--out` writes it as `result.json`. What is not
-known is null. Readers skip keys that they do not know ([what stays](stability.md)). The JSON
-Schemas are in the package, `rsicalib/schema/`.
+known is null. Readers skip keys that they do not know ([what stays](stability.md)). The package
+has JSON Schemas in `rsicalib/schema/`, but for {without}, which are described here alone.
 
 ### Keys of many types
 
@@ -258,7 +258,12 @@ def text() -> str:
     parts += [READINGS, said_keys(COLUMNS), "\n"]
     parts += ["## Units of parameters\n\n", said_keys(UNITS), "\n"]
     parts += ["The parameters of each term, with their units: [terms](terms.md).\n\n"]
-    parts += [RESULTS, said_keys({key: words[0] for key, words in SAID_ONCE.items()}), "\n"]
+    without = ", ".join(f"`{name}`" for name in BY_HAND)
+    parts += [
+        RESULTS.format(without=without),
+        said_keys({key: words[0] for key, words in SAID_ONCE.items()}),
+        "\n",
+    ]
     parts += results()
     for name, keys in BY_HAND.items():
         parts += [f"### `{name}`\n\n{ABOUT[name]}\n\n", folded("Keys", said_keys(keys))]
@@ -284,6 +289,36 @@ def folded(summary: str, inner: str) -> str:
     return (
         f'<details markdown="1">\n<summary>{said}</summary>\n\n{inner.rstrip()}\n\n</details>\n\n'
     )
+
+
+def mechanism_file() -> dict[str, Any]:
+    """Schema of a mechanism file: of a mechanism, and of what a robot description stands for in it.
+
+    Beside a chain from a URDF channels need not be declared, nor what the description tells of
+    them.
+    """
+    schema: dict[str, Any] = json.loads(_core.mechanism_schema())
+    kinds = schema["$defs"]
+    text = {"type": "string"}
+    types = {"channels": {"type": "object", "additionalProperties": text}}
+    kinds["ChainFromUrdf"] = {
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {k: {**types.get(k, text), "description": v} for k, v in URDF_KEYS.items()},
+        "required": [key for key in URDF_KEYS if key != "masses"],
+        "description": "A serial chain from a robot description, in place of rows.",
+    }
+    rows = schema["properties"]["chain"]["items"]
+    described = {"$ref": "#/$defs/ChainFromUrdf"}
+    either = {"if": {"required": ["urdf"]}, "then": described, "else": rows}
+    schema["properties"]["chain"]["items"] = either
+    whole = {"required": [k for k in kinds["Channel"]["required"] if k != "name"]}
+    kinds["Channel"]["required"] = ["name"]
+    schema["required"] = [key for key in schema["required"] if key != "channel"]
+    some = {"chain": {"contains": {"required": ["urdf"]}}}
+    schema["if"] = {"properties": some, "required": ["chain"]}
+    schema["else"] = {"required": ["channel"], "properties": {"channel": {"items": whole}}}
+    return schema
 
 
 def mechanism() -> Iterator[str]:
@@ -489,7 +524,7 @@ def documented(name: str) -> Iterable[str]:
 @cache
 def files() -> dict[Path, str]:
     """Everything that is written, by path."""
-    schemas = {"mechanism": json.loads(_core.mechanism_schema())}
+    schemas = {"mechanism": mechanism_file()}
     for name in declared.DOCUMENTS:
         schemas[name.removeprefix("rsicalib.").replace("/", "-")] = declared.schema(name)
     written = {

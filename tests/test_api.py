@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import dataclasses
 import datetime
 import importlib
 import inspect
@@ -176,6 +177,39 @@ def test_a_fixture_calibration_is_the_least_squares_line_of_each_channel() -> No
         assert found["offset", name].value == pytest.approx(offset, rel=1e-9)
     assert found.method == "fixture"
     assert found.exit_code == 0
+
+
+def test_the_noise_of_a_fixture_calibration_is_that_of_one_reading() -> None:
+    """Numpy alone: how far samples are from a line through the means of their poses."""
+    known = rsicalib.load_readings(CHECK)
+    assert known.poses is not None
+    found = rsicalib.fixture(known)
+    assert found.noise is not None and found.noise.dof is not None
+    angles = oracle.rsi_inverse(known.poses).reshape(-1, 9)
+    for c, name in enumerate(known.channels):
+        counts = known.values[:, c]
+        means = (a.reshape(20, 8).mean(axis=1) for a in (counts, angles[:, c]))
+        gain, offset = np.polyfit(*means, 1)
+        off = counts - (angles[:, c] - offset) / gain
+        # 160 samples know a standard deviation to 6 %; the scatter of the means is a third of it.
+        assert found.noise.sigma[name] == pytest.approx(off.std(), rel=0.1)
+    # As the calibration without known poses has it, of the same device on the same day.
+    other = rsicalib.calibrate(READINGS).noise
+    assert other is not None
+    ratio = np.array([found.noise.sigma[n] / other.sigma[n] for n in known.channels])
+    assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1.0, abs=0.15)
+    assert found.noise.dof > 18
+
+
+def test_a_fixture_calibration_says_which_poses_it_could_not_use() -> None:
+    known = rsicalib.load_readings(CHECK)
+    assert known.poses is not None
+    assert "unused_poses" not in {w.kind for w in rsicalib.fixture(known).warnings}
+    places = known.poses.copy()
+    places[known.pose <= 3] = np.nan
+    found = rsicalib.fixture(dataclasses.replace(known, poses=places))
+    (warned,) = (w for w in found.warnings if w.kind == "unused_poses")
+    assert "24 rows of 3 poses" in warned.text and "17 poses are" in warned.text
 
 
 def test_a_fixture_calibration_with_too_few_poses_is_undetermined() -> None:

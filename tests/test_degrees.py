@@ -18,6 +18,7 @@ import pytest
 
 import rsicalib
 from rsicalib import Mechanism
+from rsicalib.exports.coordinates import unit_of
 from tests import cone
 from tests.commands import run_text
 from tests.families.device import Device, Session, observe, stage
@@ -105,6 +106,44 @@ def test_a_pair_of_arms_in_degrees_is_the_one_in_radians() -> None:
     # Noise of the closure is written in degrees, too: 198 degrees of freedom.
     assert degrees.fit.chi2 == pytest.approx(plain.fit.chi2, rel=1e-6)
     assert plain.fit.chi2 == pytest.approx(198.0, abs=100.0)
+
+
+def test_counts_that_are_equal_to_an_angle_give_an_angle() -> None:
+    """A follower in counts and its leader in degrees: what is found of the counts is in radians."""
+    rng = np.random.default_rng(6)
+    leader, per_count = rng.uniform(-80.0, 80.0, 200), 2 * np.pi / 4096
+    counts = np.rint((np.radians(leader) - 0.03) / (1.02 * per_count) + 2048.0)
+    scales = ({"unit": "deg", "gain": 1.0, "noise": 0.01}, {"unit": "count", "gain": per_count})
+    values: Values = {"name": "pair", "length_unit": "m"}
+    names = ("leader", "follower")
+    values["channel"] = [
+        {"name": name, "offset": 0.0, **scale} for name, scale in zip(names, scales, strict=True)
+    ]
+    values["closure"] = [{"name": "joint", "kind": "equal", "between": [*names], "noise": 2e-3}]
+    values["model"] = {"terms": ["offset@follower", "gain@follower"]}
+    mechanism = Mechanism(values)
+    found = rsicalib.calibrate({"leader": leader, "follower": counts}, mechanism)
+    assert [p.unit for p in found.parameters] == ["rad", "rad/count"]
+    assert found.fit.misclosure_unit == "rad"
+    offset, gain = found.parameters
+    assert abs(gain.value - 1.02 * per_count) < 5 * gain.sd
+    # Numpy alone: the coordinate of the counts is the angle of the leader, in radians.
+    left = offset.value + gain.value * counts - np.radians(leader)
+    assert np.sqrt(np.mean(left**2)) < 1e-3
+    assert unit_of(mechanism) == {"leader": "rad", "follower": "rad"}
+
+
+def test_one_number_is_not_the_noise_of_channels_in_several_units() -> None:
+    values = changed(lambda _: None)
+    in_degrees(values["channel"][0])
+    mechanism = Mechanism(values)
+    rows = {channel.name: np.zeros(4) for channel in mechanism.channels}
+    units = {channel.name: channel.unit for channel in mechanism.channels}
+    with pytest.raises(rsicalib.InputError, match=r"one number, 1\.5, for channels in") as found:
+        rsicalib.calibrate(rows, mechanism, noise=1.5)
+    assert all(f"{name} [{unit}]" in found.value.message for name, unit in units.items())
+    with pytest.raises(rsicalib.InputError, match="found one number"):
+        rsicalib.trace(rows, mechanism, noise=1.5)
 
 
 def test_what_is_printed_is_what_was_written() -> None:

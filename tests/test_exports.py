@@ -263,6 +263,9 @@ def test_a_kind_that_does_not_suit_the_mechanism_is_refused(traced: Trace) -> No
 def test_the_command_writes_files_and_writes_them_again(traced: Trace, tmp_path: Path) -> None:
     traced.save(tmp_path / "result.json")
     words = ["export", str(tmp_path / "result.json"), "--to", "csv", "--readings", str(DEMO)]
+    refused = run_text(*words)  # a table and a mechanism in one stream would be neither
+    assert refused.returncode == 2 and not refused.stdout
+    assert "expected a folder for corrected.csv, corrected.toml (--out)" in refused.stderr
     for _ in range(2):
         done = run_text(*words, "--out", tmp_path / "out")
         assert done.returncode == 0, done.stderr

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,53 @@ from rsicalib.facts.records import plain
 from scripts import declared
 
 SCHEMAS = Path(rsicalib.__file__).parent / "schema"
+ROOT = Path(__file__).parents[1]
+
+
+def mechanism_files() -> dict[str, str]:
+    """Every whole mechanism file of the package, of the examples and of the pages."""
+    paths = [*(ROOT / "examples").glob("*.toml"), *(SCHEMAS.parent / "mechanisms").glob("*.toml")]
+    found = {path.name: path.read_text(encoding="utf-8") for path in paths}
+    for page in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]:
+        blocks = re.findall(
+            r"^```toml[^\n]*\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S
+        )
+        for number, text in enumerate(blocks, 1):
+            if re.search(r"^length_unit", text, re.M) and re.search(r"^name", text, re.M):
+                found[f"{page.name}, block {number}"] = text
+    return found | {"rsi": rsicalib.load_mechanism("rsi").to_toml()}
+
+
+def test_every_mechanism_file_is_what_the_schema_says() -> None:
+    schema = json.loads((SCHEMAS / "mechanism.json").read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator.check_schema(schema)
+    files = mechanism_files()
+    assert sum("urdf" in text for text in files.values()) >= 2
+    assert len(files) > 10
+    for name, text in files.items():
+        errors = jsonschema.Draft202012Validator(schema).iter_errors(tomllib.loads(text))
+        assert [error.message for error in errors] == [], name
+
+
+def test_the_schema_of_a_mechanism_refuses_what_is_refused() -> None:
+    schema = json.loads((SCHEMAS / "mechanism.json").read_text(encoding="utf-8"))
+    rows = tomllib.loads((ROOT / "examples" / "two_arms.toml").read_text(encoding="utf-8"))
+    urdf = tomllib.loads((ROOT / "examples" / "mukca_panda.toml").read_text(encoding="utf-8"))
+    # Beside a description the channels may be declared in part; beside rows they are whole.
+    part = [{"name": "q1", "noise": 1e-5}]
+    jsonschema.validate({**urdf, "channel": part}, schema)
+    (chain,) = urdf["chain"]
+    without = [{key: value for key, value in chain.items() if key != "tip"}]
+    wrong = [
+        {**rows, "channel": [{"name": c["name"]} for c in rows["channel"]]},
+        {key: value for key, value in rows.items() if key != "channel"},
+        {**urdf, "chain": [{**chain, "dh": []}]},
+        {**urdf, "chain": without},
+        {**urdf, "chain": [{**chain, "top": "hand"}]},
+    ]
+    for document in wrong:
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(document, schema)
 
 
 @pytest.fixture(scope="module")

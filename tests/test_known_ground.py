@@ -141,3 +141,30 @@ def test_few_equations_say_what_they_cannot_show(poses: int, terms: list[str]) -
 def test_a_ground_as_drawn_is_adequate() -> None:
     found = rsicalib.trace(standing(7, (0.0, 0.0)), leg())
     assert found.verdict == "adequate" and not found.steps
+
+
+def on_bed(plane: dict[str, Any]) -> dict[str, Any]:
+    """The leg on a plane of its own."""
+    closure = [{"name": "on bed", "kind": "plane", "between": ["foot", "bed"], "noise": 0.02}]
+    return {**leg(), "plane": [plane], "closure": closure}
+
+
+@pytest.mark.parametrize("normal", [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.123, 0.234, 0.964]])
+def test_a_normal_of_length_one_is_not_remarked(normal: list[float]) -> None:
+    plane = {"name": "bed", "normal": normal, "offset": 20.0}
+    assert rsicalib.Mechanism(on_bed(plane)).doubts == []
+
+
+def test_an_offset_that_is_no_distance_is_named_before_there_are_readings() -> None:
+    """A normal of another length, and an offset that may be meant as a distance [mm]."""
+    normal = [0.1, 0.2, 1.0]
+    (text,) = rsicalib.Mechanism(on_bed({"name": "bed", "normal": normal, "offset": 20.0})).doubts
+    long = np.linalg.norm(normal)
+    assert "plane bed" in text
+    for said in (long, 20.0 / long, 20.0 * long):
+        assert f"{said:.6g}" in text
+    for other in ({"offset": 0.0}, {"normal": list(np.array(normal) / long), "offset": 20.0}):
+        plane = {"name": "bed", "normal": normal, **other}
+        assert rsicalib.Mechanism(on_bed(plane)).doubts == []
+    # An unknown one is counted from the direction alone.
+    assert rsicalib.Mechanism(on_bed({"name": "bed", "normal": normal, "unknown": []})).doubts == []

@@ -114,3 +114,31 @@ def test_what_has_no_parameter_does_not_hide_there(tmp_path: Path) -> None:
     made = rsicalib.certify(found, mechanism, limit=10.0)
     sources = {share.effect for share in made.uncertainty.budget}  # type: ignore[union-attr]
     assert not any(source and source.startswith("offset") for source in sources)
+
+
+def test_no_typical_size_stands_for_what_a_joint_gives_about_a_vertical_axis(
+    tmp_path: Path,
+) -> None:
+    """Beside another compliance, too: typical sizes hold what several joints give.
+
+    Witness: the torque of a weight about a vertical axis through the base is `z · (r × down)`,
+    which is zero for every place `r`.
+    """
+    job, machine, read = on_sockets(0.0)
+    turned = job.body.torque(job.q, "q1")
+    assert np.abs(turned).max() < 1e-9 * np.abs(job.body.torque(job.q, "q2")).max()
+    machine.mechanism["gravity"] = [0.0, 0.0, -1.0]
+    (chain,) = machine.mechanism["chain"]
+    for row, mass in zip([r for r in chain["dh"] if "channel" in r], range(1, 7), strict=True):
+        row |= {"mass": float(mass), "com": [-100.0, 10.0 * mass, 30.0]}
+    csv, file = files.write(machine, read, tmp_path)
+    alone = ["offset", "joint_compliance@q1"]
+    for terms in (alone, [*alone, "joint_compliance@q2", "joint_compliance@q3"]):
+        found = rsicalib.calibrate(csv, file, terms=terms)
+        sd = {p.target: p.sd for p in found.parameters if p.term == "joint_compliance"}
+        assert sd.pop("q1") is None
+        assert all(known is not None and known > 0.0 for known in sd.values())
+        assert any(line.startswith("joint_compliance q1:") for line in found.unobservable)
+        # Nor does it hide that the whole may turn about that axis.
+        (turn,) = (p for p in found.parameters if (p.term, p.target) == ("offset", "q1"))
+        assert turn.sd is None and turn.value == pytest.approx(0.0, abs=1e-12)

@@ -36,6 +36,7 @@ from rsicalib.reproduction.placing import placed
 from rsicalib.reproduction.printed import printed_numbers
 from rsicalib.reproduction.trials import Draws
 from tests import oracle
+from tests.commands import run_text
 
 RSI = _core.Mechanism.rsi()
 PRINTED = printed_numbers()
@@ -99,6 +100,14 @@ def test_the_same_seed_writes_the_same_files(tmp_path: Path) -> None:
         assert a != c or name == "mechanism.toml"
     truth = json.loads((tmp_path / "a" / "truth.json").read_text())
     assert set(truth["off"]) == {c.name for c in RSI.channels}
+
+
+def test_the_command_prints_what_it_writes_as_the_truth(tmp_path: Path) -> None:
+    done = run_text("simulate", tmp_path / "made", "--poses", "6", "--json")
+    assert done.returncode == 0, done.stderr
+    printed = json.loads(done.stdout)
+    assert printed == json.loads((tmp_path / "made" / "truth.json").read_text("utf-8"))
+    assert printed["format"] == "rsicalib.truth/1"
 
 
 def test_calibrating_a_simulated_session_finds_its_truth(tmp_path: Path) -> None:

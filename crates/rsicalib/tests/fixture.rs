@@ -71,6 +71,45 @@ fn samples_of_a_pose_count_as_their_mean_and_unknown_poses_not_at_all() {
     }
 }
 
+/// Counts with noise of `sigma` from sample to sample, and of `shared` from pose to pose.
+fn repeated(samples: usize, sigma: f64, shared: f64, seed: u64) -> (Table, Vec<[f64; 6]>) {
+    let (offsets, gains) = rsi_parameters(0.05, 0.02);
+    let exact = counts_of(&TABLE_II, &offsets, &gains);
+    let mut rng = Rng::new(seed);
+    let (mut values, mut poses, mut labels) = (Vec::new(), Vec::new(), Vec::new());
+    for (m, row) in exact.chunks_exact(9).enumerate() {
+        let placed: Vec<f64> = row.iter().map(|a| a + shared * rng.normal()).collect();
+        for _ in 0..samples {
+            values.extend(placed.iter().map(|a| a + sigma * rng.normal()));
+            poses.push(TABLE_II[m]);
+            labels.push(m as i64);
+        }
+    }
+    (Table { values, pose: Some(labels), ..Table::default() }, poses)
+}
+
+#[test]
+fn noise_is_that_of_one_reading_however_often_a_pose_is_read() {
+    let mechanism = Mechanism::rsi();
+    // Root mean square over nine channels, and its degrees of freedom for one.
+    let found = |samples: usize, shared: f64| {
+        let (table, poses) = repeated(samples, 2.0, shared, 11 + samples as u64);
+        let (lines, _) = fixture(&mechanism, &table, &poses).expect("twelve poses");
+        let square = lines.iter().map(|line| line.noise * line.noise).sum::<f64>() / 9.0;
+        (square.sqrt(), lines.iter().map(|line| line.dof).fold(f64::INFINITY, f64::min))
+    };
+    // Nine channels of ten degrees of freedom each know a standard deviation to 7.5 %.
+    for samples in [1, 2, 8, 32] {
+        let (sigma, dof) = found(samples, 0.0);
+        assert!((sigma / 2.0 - 1.0).abs() < 0.25, "{samples} samples: {sigma}");
+        assert!(dof >= 9.999, "{samples} samples: {dof}");
+    }
+    // What all samples of a pose share belongs to a reading, too.
+    let (sigma, dof) = found(32, 6.0);
+    assert!((sigma / 2.0_f64.hypot(6.0) - 1.0).abs() < 0.25, "{sigma}");
+    assert!(dof < 30.0, "{dof}");
+}
+
 #[test]
 fn what_cannot_be_calibrated_says_why() {
     let mechanism = Mechanism::rsi();

@@ -74,9 +74,10 @@ def export(args: Args) -> int:
         written = write_folder(args.out, made, seal=EXPORT, force=args.force)
         return _told(args, str(made[EXPORT]), "\n".join(map(str, written)))
     texts = [content for content in files.values() if isinstance(content, str)]
-    if args.json or len(texts) < len(files):
+    # Several files in one stream are none of them.
+    if args.json or len(texts) != 1 or len(files) > 1:
         raise InputError(f"out: found none, expected a folder for {', '.join(files)} (--out)")
-    emit("\n".join(texts))
+    emit(texts[0])
     return 0
 
 
@@ -147,11 +148,12 @@ def forward(args: Args) -> int:
 
 def simulate(args: Args) -> int:
     """A device with a known truth: readings, rest and check poses, truth."""
+    from rsicalib.poses.simulation import TRUTH
     from rsicalib.poses.simulation import simulate as simulate_device
 
     made = _heard(args, lambda _: simulate_device(**_given(args, simulate_device)), "simulate")
     text = "\n".join(sorted(str(path) for path in args.out.iterdir()))
-    return _told(args, to_json(made.truth), text)
+    return _told(args, made.files()[TRUTH], text)
 
 
 def plan(args: Args) -> int:

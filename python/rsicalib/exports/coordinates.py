@@ -116,7 +116,8 @@ def without_place(mechanism: Mechanism, result: Result, notes: Collection[Noted]
 def unit_of(mechanism: Mechanism) -> dict[str, str]:
     """Unit of each channel's coordinate: `rad`, or the length unit where its joint slides.
 
-    A channel of no joint has its own; degrees are kept in radians.
+    A channel of no joint has its own, or that of the channels which closures make equal to it;
+    degrees are kept in radians.
     """
     names = [channel.name for channel in mechanism.channels]
     units = _core.units_of(mechanism, [(("offset", name, None), "offset") for name in names])

@@ -48,8 +48,8 @@ def fixture(
     Returns
     -------
     Calibration
-        Whose noise is the scatter of the joint coordinates about the lines:
-        lack of fit cannot be judged.
+        Whose noise is that of one reading about its line, by the repeats in a pose and by the
+        scatter of poses: lack of fit cannot be judged.
 
     Raises
     ------
@@ -70,21 +70,35 @@ def fixture(
     except UndeterminedError as error:
         nothing = {"method": "fixture", "fit": NOTHING}
         return Calibration.made(job.too_few(Calibration, error, None) | nothing)
+    known_rows = np.isfinite(poses).all(axis=1)
+    if not known_rows.all():
+        without = len(np.unique(job.readings[0].pose[~known_rows]))
+        rows = len(known_rows) - known_rows.sum()
+        text = (
+            f"{job.readings[0].source}: {rows} rows of {without} poses have no known pose "
+            f"(x y z rx ry rz) and are not used; {count} poses are"
+        )
+        job.warnings.append(Warned("unused_poses", None, text))
     parameters, blocks, sigma = [], [], {}
     for channel, line in zip(job.mechanism.channels, lines, strict=True):
         block = np.full((2, 2), np.nan) if line["covariance"] is None else line["covariance"]
         blocks.append(np.array(block))
-        sigma[channel.name] = line["residual"] / abs(line["gain"])
+        sigma[channel.name] = line["noise"]
         for k, (name, unit) in enumerate((("offset", "rad"), ("gain", f"rad/{channel.unit}"))):
             sd = None if line["covariance"] is None else line["covariance"][k][k] ** 0.5
             parameters.append(Parameter(name, channel.name, name, line[name], sd, unit))
+    repeated = len(known_rows) > job.readings[0].n_poses
     covariance = np.zeros((2 * len(blocks), 2 * len(blocks)))
     for k, block in enumerate(blocks):
         covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = block
     found: dict[str, Any] = {
         "method": "fixture",
-        "noise": {"source": "scatter about the lines", "sigma": sigma, "correlation": None}
-        | {"dof": float(count - 2)},
+        "noise": {
+            "source": ("repeats, and " if repeated else "") + "scatter about the lines",
+            "sigma": sigma,
+            "correlation": None,
+            "dof": min(line["dof"] for line in lines),
+        },
         **_core.judged_open_loop(count),
         "fit": {**NOTHING},
         "parameters": parameters,

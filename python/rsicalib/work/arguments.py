@@ -273,7 +273,10 @@ def names_in(
 def noise_of_channels(
     noise: float | Mapping[str, float] | None, mechanism: Mechanism
 ) -> list[float] | None:
-    """Standard deviation of one sample of each channel; None where nothing is declared."""
+    """Standard deviation of one sample of each channel; None where nothing is declared.
+
+    One number is that of all channels, in their unit: of channels in several it is refused.
+    """
     if noise is None:
         return None
     names = [channel.name for channel in mechanism.channels]
@@ -288,5 +291,10 @@ def noise_of_channels(
                 what = f"no channel {unknown[0]!r}{meant(str(unknown[0]), names)}"
             raise InputError(f"noise: found {what}, expected one for each of {', '.join(names)}")
     else:
+        units = dict.fromkeys(channel.unit for channel in mechanism.channels)
+        if len(units) > 1:
+            found = f"one number, {noise:g}, for channels in {', '.join(units)}"
+            each = ", ".join(f"{c.name} [{c.unit}]" for c in mechanism.channels)
+            raise InputError(f"noise: found {found}; expected one for each of {each}")
         sigma = dict.fromkeys(names, noise)
     return [options.noise_of(sigma[c.name], [c]) for c in mechanism.channels]

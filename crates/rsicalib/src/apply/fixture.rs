@@ -6,6 +6,15 @@
 //! ```text
 //! min Σ_poses (k a + θ_off - θ)²                                          (13)
 //! ```
+//!
+//! The samples of a pose count as their mean. What one reading is off by has two parts: what differs
+//! from sample to sample, which repeats show, and what all samples of a pose share, the error of its
+//! placement and what is no straight line. With `s²` the variance of the means about the line, `w²` that
+//! of samples about their means, and `h` the mean over poses of one over the number of samples,
+//!
+//! ```text
+//! sigma² = w² + max(0, s² - h w²)
+//! ```
 
 use crate::Error;
 use crate::apply::known::rows_of_known;
@@ -25,6 +34,10 @@ pub struct Line {
     pub covariance: Option<[[f64; 2]; 2]>,
     /// Root mean square distance of the joint coordinates from the line.
     pub residual: f64,
+    /// Standard deviation of one reading about the line, in readings.
+    pub noise: f64,
+    /// Degrees of freedom of the noise.
+    pub dof: f64,
 }
 
 /// The lines of all channels, and how many poses they rest on.
@@ -48,15 +61,22 @@ pub fn fixture(
     Error::same("poses", known.len(), readings.samples)?;
     let mut angles = Vec::new();
     let mut values = Vec::new();
+    // Of each sample of a pose that has several: its joint coordinates, and its readings.
+    let mut repeats: Vec<Vec<(Vec<f64>, Vec<f64>)>> = Vec::new();
     for parts in rows_of_known(table, channels, known) {
         let count = parts.iter().map(|rows| rows.len() as f64).sum::<f64>();
         let (mut angle, mut value) = (vec![0.0; channels], vec![0.0; channels]);
+        let mut samples = Vec::new();
         for rows in parts {
             let found = assembly::inverse(mechanism, &known[rows.start]);
-            let share = rows.len() as f64 / count;
-            add(&mut angle, share, &found.map_err(|error| error.at_pose(rows.start))?);
-            rows.for_each(|row| add(&mut value, 1.0 / count, readings.row(row)));
+            let found = found.map_err(|error| error.at_pose(rows.start))?;
+            add(&mut angle, rows.len() as f64 / count, &found);
+            for row in rows {
+                add(&mut value, 1.0 / count, readings.row(row));
+                samples.push((found.to_vec(), readings.row(row).to_vec()));
+            }
         }
+        repeats.push(samples);
         angles.push(angle);
         values.push(value);
     }
@@ -66,7 +86,14 @@ pub fn fixture(
     let column = |c: usize| -> Option<Line> {
         let a: Vec<f64> = values.iter().map(|v| v[c]).collect();
         let theta: Vec<f64> = angles.iter().map(|q| q[c]).collect();
-        line(&a, &theta)
+        let mut found = line(&a, &theta)?;
+        let of = |samples: &Vec<(Vec<f64>, Vec<f64>)>| -> Vec<f64> {
+            samples.iter().map(|(angle, value)| value[c] - angle[c] / found.gain).collect()
+        };
+        let within: Vec<Vec<f64>> = repeats.iter().map(of).collect();
+        let off = found.residual / found.gain.abs();
+        (found.noise, found.dof) = noise_of_one(&within, off * off * a.len() as f64);
+        Some(found)
     };
     let lines: Option<Vec<Line>> = (0..channels).map(column).collect();
     Ok((lines.ok_or(few)?, poses))
@@ -93,5 +120,37 @@ fn line(a: &[f64], theta: &[f64]) -> Option<Line> {
         let (of_gain, with_offset) = (s2 / moment, -s2 * a0 / moment);
         [[s2 / n + of_gain * a0 * a0, with_offset], [with_offset, of_gain]]
     });
-    Some(Line { offset, gain, covariance, residual: (squares / n).sqrt() })
+    let residual = (squares / n).sqrt();
+    Some(Line { offset, gain, covariance, residual, noise: residual / gain.abs(), dof: n - 2.0 })
+}
+
+/// Standard deviation of one reading, and its degrees of freedom: by the samples of each pose, but for what
+/// the pose itself makes them differ, and the sum of squares of the means about their line.
+fn noise_of_one(poses: &[Vec<f64>], squares: f64) -> (f64, f64) {
+    let n = poses.len() as f64;
+    let spare = n - 2.0;
+    let mut within = (0.0, 0.0);
+    for samples in poses {
+        let count = samples.len() as f64;
+        let mean = samples.iter().sum::<f64>() / count;
+        within.0 += samples.iter().map(|a| (a - mean).powi(2)).sum::<f64>();
+        within.1 += count - 1.0;
+    }
+    let (repeats, dof) = within;
+    let h = poses.iter().map(|samples| 1.0 / samples.len() as f64).sum::<f64>() / n;
+    if spare <= 0.0 || dof == 0.0 {
+        let (all, free) = if dof > 0.0 { (repeats, dof) } else { (squares, spare) };
+        return ((all / if free > 0.0 { free } else { n }).sqrt(), free);
+    }
+    let (w2, s2) = (repeats / dof, squares / spare);
+    if s2 <= h * w2 {
+        // Nothing is shared: both tell the same.
+        let free = dof + spare;
+        return (((repeats + squares / h) / free).sqrt(), free);
+    }
+    let own = w2 * (1.0 - h);
+    let variance = own + s2;
+    // Satterthwaite (1946).
+    let free = variance * variance / (own * own / dof + s2 * s2 / spare);
+    (variance.sqrt(), free)
 }

@@ -125,7 +125,8 @@ fn chi2(observations: &Observations, fitted: &Fit, noise: &Noise, weights: &[f64
 pub struct HeldOut {
     /// χ² of the poses left out, per equation.
     pub chi2_per_dof: f64,
-    /// Error of their closures, length units.
+    /// Error of their closures, in `misclosure_unit`. Of a held pose it is that of the mean of its samples, while
+    /// `rms_misclosure` of the fit is of single samples.
     pub rms_misclosure: f64,
     /// Probability by chance of poses that fit so badly to the others.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]

@@ -131,7 +131,7 @@ impl Conventions {
     /// Those of a fit with this Gram matrix; none where random configurations cannot be closed.
     ///
     /// A typical size tells nothing of a parameter that moves no reading, as of where a tool is out of the plane
-    /// in which a machine moves.
+    /// in which a machine moves, or of what a joint gives whose axis is vertical.
     pub(crate) fn of(here: Here<'_>, gram: &Mat<f64>) -> Self {
         let presumed = here.presumed();
         let of = |prior: &Prior| match prior {

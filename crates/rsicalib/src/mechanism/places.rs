@@ -8,7 +8,11 @@ use crate::mechanism::exactly;
 /// In the place of a key column: one unknown for each pose.
 const EACH_POSE: &str = "pose";
 
-/// A plane that points touch: `normal · p = offset`.
+/// How far the length of a unit normal is from 1 that is written with three digits, at most.
+const ROUNDED: f64 = 1e-3;
+
+/// A plane that points touch: `normal · p = offset`. It is at `offset / |normal|` from the origin of the base;
+/// heights above it are lengths, whatever that of the normal.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
@@ -21,7 +25,8 @@ pub struct Plane {
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     #[cfg_attr(feature = "serde", serde(deserialize_with = "exactly::optional"))]
     pub normal: Option<[f64; 3]>,
-    /// Distance of the plane from the origin of the base along the unit normal, in length units.
+    /// What `normal · p` is on the plane: its distance from the origin of the base, in length units, where the
+    /// normal has length 1.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub offset: Option<f64>,
     /// Key columns of the readings: each distinct combination of their values is one unknown plane;
@@ -109,6 +114,15 @@ impl Plane {
         let normal = Vector3::from(self.normal?);
         let long = normal.norm();
         (long > 0.0).then(|| ((normal / long).into(), self.offset.unwrap_or(0.0) / long))
+    }
+
+    /// Length of the normal of a known plane, where it is not 1 and moves the plane: an offset that is meant
+    /// as a distance is another one then. A normal that is written with three digits has length 1.
+    #[must_use]
+    pub(crate) fn scales_offset(&self) -> Option<f64> {
+        let known = self.unknown.is_none() && self.offset.is_some_and(|offset| offset != 0.0);
+        let long = Vector3::from(self.normal.filter(|_| known)?).norm();
+        ((long - 1.0).abs() > ROUNDED).then_some(long)
     }
 }
 

@@ -335,6 +335,23 @@ impl Mechanism {
         its.filter_map(|one| self.channels.iter().position(|c| c.name == *one)).collect()
     }
 
+    /// A channel and all whose coordinates closures make equal to its own, also over other channels; the channel
+    /// first.
+    pub(crate) fn all_equal(&self, channel: usize) -> Vec<usize> {
+        let mut all = vec![channel];
+        let mut next = 0;
+        while next < all.len() {
+            let new: Vec<usize> = self.made_equal(all[next]);
+            for other in new {
+                if !all.contains(&other) {
+                    all.push(other);
+                }
+            }
+            next += 1;
+        }
+        all
+    }
+
     /// True for a channel of a joint.
     pub(crate) fn moves_joint(&self, channel: usize) -> bool {
         let name = self.channels.get(channel).map(|c| &c.name);

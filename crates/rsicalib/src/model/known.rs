@@ -67,13 +67,12 @@ impl Model {
         priors
     }
 
-    /// Priors of the places of tools that are typical sizes: nothing else is known of those. A complete geometry
-    /// is held as a whole.
+    /// Priors of the places of tools, and of what joints give, that are typical sizes: nothing else is known of
+    /// those. A complete geometry is held as a whole.
     pub(crate) fn held_by_size(&self) -> Vec<Prior> {
-        if self.is_complete() {
-            return Vec::new();
-        }
-        let sized = |i: &Instance| i.term.moves_tool() && i.term.info().broad;
+        let complete = self.is_complete();
+        let tool = |i: &Instance| !complete && i.term.moves_tool() && i.term.info().broad;
+        let sized = |i: &Instance| tool(i) || self.gives(i);
         let free = |i: &Instance| sized(i) && self.declared_sd(i).is_none();
         let instances = self.instances.iter().zip(&self.first).filter(|(i, _)| free(i));
         let of = |(instance, &first): (&Instance, &usize)| {

@@ -69,7 +69,8 @@ pub struct FitReport {
     pub dof: Option<f64>,
     /// Probability of a larger χ² by chance; null where lack of fit cannot be judged.
     pub p_value: Option<f64>,
-    /// Error of the closures, in `misclosure_unit`.
+    /// Error of the closures of single samples, in `misclosure_unit`; that of `held_out` is of the means of
+    /// held poses.
     pub rms_misclosure: Option<f64>,
     /// Unit of `rms_misclosure`: of length, or of the coordinates that closures make equal.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]

@@ -172,7 +172,12 @@ pub fn of_drawing(mechanism: &Mechanism) -> Vec<Warned> {
     let channels = mechanism.limits_as_in_degrees();
     let limits = Suspicion::Degrees { channels: channels.clone(), of: InDegrees::LimitsInDegrees };
     let found = (!channels.is_empty()).then_some(limits);
-    found.iter().map(|suspicion| of_suspicion(mechanism, suspicion)).collect()
+    let limits = found.iter().map(|suspicion| of_suspicion(mechanism, suspicion));
+    let planes = mechanism.planes.iter().filter_map(|plane| {
+        let text = words::long_normal(plane, &mechanism.length_unit)?;
+        Some(Warned { kind: Kind::Other, target: Some(plane.name.clone()), text })
+    });
+    limits.chain(planes).collect()
 }
 
 /// What is absurd; channels of which the same is to be said are one entry.

@@ -17,7 +17,7 @@ use crate::estimate::significance::NORMAL_95;
 use crate::estimate::suspicion::{Closes, InDegrees, Measure, Scaled, Shown, Suspicion, Witness};
 use crate::estimate::tried::{Gains, Origin};
 use crate::estimate::{AnchorKind, Fit, Observations};
-use crate::mechanism::{Closure, Law, Mechanism, Target, Value};
+use crate::mechanism::{Closure, Law, Mechanism, Plane, Target, Value};
 use crate::model::Instance;
 use crate::model::known::Declared;
 use crate::monitor::closing::OpenLoops;
@@ -401,6 +401,19 @@ fn gains_in_degrees(mechanism: &Mechanism, channels: &[usize]) -> Option<String>
             significant(written(&channels[0]), 4),
         )
     })
+}
+
+/// A known plane whose offset is no distance, as its normal has another length than 1; none of another.
+pub(super) fn long_normal(plane: &Plane, unit: &str) -> Option<String> {
+    let long = plane.scales_offset()?;
+    let offset = plane.offset?;
+    let [long, offset, at, other] =
+        [long, offset, offset / long, offset * long].map(|v| significant(v, 6));
+    Some(format!(
+        "plane {}: its normal has length {long}, and normal · p = offset puts it at {at} {unit} from the \
+         origin of the base; if {offset} {unit} is meant, give a normal of length 1, or offset = {other}",
+        plane.name,
+    ))
 }
 
 /// What is off by the degrees in a radian.
