@@ -277,6 +277,15 @@ pub(crate) fn opened(mechanism: &Mechanism) -> Result<Mechanism, Error> {
     })
 }
 
+/// True where loops that close in every row say what its drives hold: which joints have none, or share a load.
+fn loops_share_torques(mechanism: &Mechanism) -> bool {
+    let closes = mechanism.key_columns().is_empty()
+        && mechanism.value_columns().len() == mechanism.law_columns().len()
+        && mechanism.frames.iter().all(|frame| !frame.moves())
+        && mechanism.points.iter().all(|point| !mechanism.is_moving(point));
+    mechanism.tells_of_drives() && closes
+}
+
 /// A model of readings, and which of its parameters are those of a result.
 #[derive(Debug)]
 pub(crate) struct Under {
@@ -301,13 +310,17 @@ impl Under {
         Self::build(mechanism, applied, table, |_| true, more)
     }
 
-    /// Its chains under a result, without what closes them, with terms `more` that the result lacks.
+    /// Its chains under a result, without what closes them, with terms `more` that the result lacks; with the loops
+    /// where the torques of its drives follow from those.
     pub(crate) fn open(
         mechanism: &Mechanism,
         applied: &Applied,
         table: Table,
         more: &[Spec],
     ) -> Result<Self, Error> {
+        if loops_share_torques(mechanism) {
+            return Self::new(mechanism, applied, table, more);
+        }
         let opened = opened(mechanism)?;
         let table = as_of(table, mechanism, &opened);
         let carries = |spec: &Spec| {
