@@ -57,13 +57,13 @@ def test_a_column_stands_beside_an_arm_at_a_cone() -> None:
 
 
 def test_closures_that_are_left_out_leave_their_columns(tmp_path: Path) -> None:
-    own = BUILT_IN.replace("value = 2.598076", 'value = "d12"', 1)
+    own = BUILT_IN.replace("value = 2.598076211353316", 'value = "d12"', 1)
     assert 'value = "d12"' in own, "the built-in machine has other lengths"
     drawn = Mechanism.from_toml(own)
     lines = (DEMO / "readings.csv").read_text(encoding="utf-8").splitlines()
     path = tmp_path / "r.csv"
     path.write_text(
-        "\n".join([lines[0] + ",d12", *(line + ",2.598076" for line in lines[1:])]) + "\n",
+        "\n".join([lines[0] + ",d12", *(line + ",2.598076211353316" for line in lines[1:])]) + "\n",
         encoding="utf-8",
     )
     names = [c["name"] for c in drawn.to_dict()["closure"]]
