@@ -196,8 +196,10 @@ def test_the_noise_of_a_fixture_calibration_is_that_of_one_reading() -> None:
     # As the calibration without known poses has it, of the same device on the same day.
     other = rsicalib.calibrate(READINGS).noise
     assert other is not None
-    ratio = np.array([found.noise.sigma[n] / other.sigma[n] for n in known.channels])
-    assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1.0, abs=0.15)
+    ratio = [found.noise.sigma[n] / other.sigma[n] for n in known.channels]
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.15)
+    # a22 bends: what all samples of a pose share is of its readings, too.
+    assert max(ratio) == ratio[known.channels.index("a22")] > 2.0
     assert found.noise.dof > 18
 
 

@@ -23,7 +23,7 @@ from rsicalib.cli.progress import progress_of
 from rsicalib.cli.streams import columns_of, emit, folded, say
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.facts.records import Record, plain, to_json
-from rsicalib.io.folders import EXPORT, IMPORT, MARK, write_folder
+from rsicalib.io.folders import EXPORT, IMPORT, MARK, TRUTH, write_folder
 from rsicalib.plain_text import meant, printable
 
 Args: TypeAlias = argparse.Namespace
@@ -148,7 +148,6 @@ def forward(args: Args) -> int:
 
 def simulate(args: Args) -> int:
     """A device with a known truth: readings, rest and check poses, truth."""
-    from rsicalib.poses.simulation import TRUTH
     from rsicalib.poses.simulation import simulate as simulate_device
 
     made = _heard(args, lambda _: simulate_device(**_given(args, simulate_device)), "simulate")

@@ -70,7 +70,7 @@ def fixture(
     except UndeterminedError as error:
         nothing = {"method": "fixture", "fit": NOTHING}
         return Calibration.made(job.too_few(Calibration, error, None) | nothing)
-    known_rows = np.isfinite(poses).all(axis=1)
+    known_rows = np.asarray(np.isfinite(poses).all(axis=1))
     if not known_rows.all():
         without = len(np.unique(job.readings[0].pose[~known_rows]))
         rows = len(known_rows) - known_rows.sum()
