@@ -132,7 +132,8 @@ class Worst(Record):
     pose: int | None = field(default=None, metadata=IF_KNOWN)
     """Its label; null in a result of an earlier version."""
     others_p_value: float | None = field(default=None, metadata=IF_KNOWN)
-    """Probability of the errors of all others together; null where there are none."""
+    """Probability of the errors of all others together; null where there are none, or this one is
+    not off."""
 
 
 class Expected(Record):
