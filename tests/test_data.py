@@ -847,7 +847,7 @@ def scratch(tmp_path_factory) -> Path:
 
 
 @settings(
-    max_examples=sized(250, 1000),
+    max_examples=sized(150, 1000),
     deadline=None,
     suppress_health_check=list(HealthCheck),
     derandomize=True,
@@ -908,7 +908,7 @@ def nearly_plain(draw) -> bytes:
     return draw(st.sampled_from([b"", b"\xef\xbb\xbf"])) + text.encode("utf-8", "replace")
 
 
-@settings(max_examples=sized(250, 1000), deadline=None, derandomize=True)
+@settings(max_examples=sized(150, 1000), deadline=None, derandomize=True)
 @given(data=st.one_of(nearly_plain(), nearly_plain(), malformed()))
 def test_what_is_read_fast_is_read_alike_cell_by_cell(data):
     file = File("run.csv", data, "")

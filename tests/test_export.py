@@ -289,7 +289,7 @@ def test_the_command_writes_all_three_and_forward_takes_them(
 
 def test_the_uncertainty_of_a_pose_is_that_of_many_calibrations(bent: tuple[Path, Path]) -> None:
     """Against a seeded Monte Carlo over the parameters: n draws know a deviation to 1 / √(2 n)."""
-    draws = sized(500, 2000)
+    draws = sized(250, 2000)
     path, readings = bent
     mechanism = rsicalib.load_mechanism(path)
     made = invented(mechanism, ["offset", "link_frame"])

@@ -22,7 +22,7 @@ from rsicalib import InputError, Mechanism
 from rsicalib.io.urdf import chain_from_urdf
 from tests.full import sized
 
-CASES = int(os.environ.get("RSICALIB_FUZZ_CASES", sized(300, 1000)))
+CASES = int(os.environ.get("RSICALIB_FUZZ_CASES", sized(200, 1000)))
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 many = settings(

@@ -83,7 +83,7 @@ def said(result: Any) -> str:
 
 def random_numbers() -> tuple[Readings, Mechanism]:
     mechanism = rsicalib.load_mechanism(TWO_ARMS)
-    values = np.random.default_rng(0).uniform(-2.5, 2.5, (sized(20, 40), 12))
+    values = np.random.default_rng(0).uniform(-2.5, 2.5, (40, 12))
     return Readings.from_arrays(mechanism, values), mechanism
 
 

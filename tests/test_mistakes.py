@@ -11,8 +11,11 @@ import pytest
 from scripts.mistakes.catalogue import MISTAKES, Mistake
 from scripts.mistakes.run import REAL, prepared, run
 from tests.commands import program
+from tests.full import sized
 
-SMALL = [mistake for mistake in MISTAKES if not mistake.large]
+# Columns that are exchanged take as long as thirty other mistakes; `test_statistics.py` names them.
+LONG = sized({"two columns exchanged"}, set())
+SMALL = [mistake for mistake in MISTAKES if not mistake.large and mistake.what not in LONG]
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a shell")
 

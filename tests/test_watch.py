@@ -336,7 +336,7 @@ def test_a_watch_that_was_killed_goes_on_as_if_it_had_not(
     unbroken = list(rsicalib.watch(rows, step["calibration"], **rate))
     rng = np.random.default_rng(0)
     told: list[Any] = []
-    kills, most = 0, sized(10, 30)
+    kills, most = 0, sized(6, 30)
     while True:
         ends = int(rng.integers(1, 4)) if kills < most else 10**9
         watching = rsicalib.watch(rows, step["calibration"], state=state, **rate)
@@ -410,7 +410,7 @@ def shared(step: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> di
         own = results / name.replace("/", "-")
         own.mkdir(parents=True)
         dataclasses.replace(step["calibration"], device=name).save(own / "result.json")
-    values = step["values"][2500:3700]
+    values = step["values"][2700:3300]
     alone = {"a/1": values, "ä": values[::-1], "other": values[:50]}
     rng = np.random.default_rng(0)
     order = rng.permutation([name for name, own in alone.items() for _ in own])
@@ -443,8 +443,8 @@ def test_of_several_results_the_latest_that_can_be_relied_on_is_watched_under(
 def test_devices_of_one_stream_are_watched_as_if_each_were_alone(
     shared: dict[str, Any], awake: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # Rounds of 700 rows: with one device awake, both go to sleep again and again.
-    monkeypatch.setattr("rsicalib.verbs.devices.ROUND", 700)
+    # Rounds of 350 rows: with one device awake, both go to sleep again and again.
+    monkeypatch.setattr("rsicalib.verbs.devices.ROUND", 350)
     watching = rsicalib.watch_devices(shared["path"], shared["results"], awake=awake)
     found = list(watching)
     for name in ("a/1", "ä"):
@@ -455,8 +455,8 @@ def test_devices_of_one_stream_are_watched_as_if_each_were_alone(
         ]
     assert len(found) == sum(a.device in ("a/1", "ä") for a in found)
     summary = watching.summary()
-    assert (summary.devices, summary.strange, summary.rows) == (2, 50, 2450)
-    assert summary.used == 2400 and "2 devices" in summary.text()
+    assert (summary.devices, summary.strange, summary.rows) == (2, 50, 1250)
+    assert summary.used == 1200 and "2 devices" in summary.text()
 
 
 def test_devices_go_on_from_their_files(shared: dict[str, Any], tmp_path: Path) -> None:
@@ -464,7 +464,7 @@ def test_devices_go_on_from_their_files(shared: dict[str, Any], tmp_path: Path) 
     lines = shared["path"].read_text().splitlines(keepends=True)
     grown, state = tmp_path / "grown.csv", tmp_path / "states"
     told = []
-    for end in (1500, len(lines)):
+    for end in (750, len(lines)):
         grown.write_text("".join(lines[:end]))
         told += list(rsicalib.watch_devices(grown, shared["results"], state=state))
     assert sorted(told, key=str) == sorted(whole, key=str)
