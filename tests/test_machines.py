@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import fsolve, least_squares
 
-from rsicalib import Mechanism, calibrate, trace
+from rsicalib import Mechanism, calibrate, forward, trace
 from rsicalib.errors import InputError
 from tests.full import sized
 from tests.machines import files, statics
@@ -190,6 +190,21 @@ def test_what_drives_carry_is_declared_or_not_looked_for(tells: str | None, tmp_
     assert ("joint_compliance", "m1") in named
     found = calibrate(csv, mechanism, terms=asked)["joint_compliance@m1"]
     assert abs(found.value - size) < 4 * found.sd
+
+
+@pytest.mark.parametrize("drive", ["m1", "m2"])
+def test_points_are_where_the_loops_close_under_a_load(drive: str, tmp_path: Path) -> None:
+    """The pins of two arms meet: torques of an open chain would leave them apart."""
+    rng = np.random.default_rng(SEED)
+    machine = drawn("five-bar")
+    gives = next(e for e in machine.effects if e.value == f"compliance@{drive}")
+    size = Linear(machine).sized(gives, 3000.0)
+    csv, mechanism = files.write(machine, machine.observe(rng, gives, size), tmp_path)
+    found = calibrate(csv, mechanism, terms=["offset", f"joint_compliance@{drive}"])
+    assert found.fit is not None and found.fit.rms_misclosure is not None
+    places = np.asarray(forward(csv, mechanism, found)).reshape(-1, 2, 3)
+    apart = (places[:, 0] - places[:, 1])[:, :2]
+    assert np.sqrt(np.mean(apart**2)) < 1.2 * found.fit.rms_misclosure
 
 
 def hanging_of(name: str) -> tuple[Hanging, Array]:
