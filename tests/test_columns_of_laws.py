@@ -41,7 +41,7 @@ def test_a_column_that_no_law_uses_changes_nothing(tmp_path: Path) -> None:
         rsicalib.forward(readings, drawn, found),
         rsicalib.forward(DEMO / "readings.csv", "rsi", plain),
     )
-    poses = rsicalib.plan(drawn, poses=12, beside=found)
+    poses = rsicalib.plan(drawn, poses=12, beside=readings)
     assert len(poses.readings) == 12
 
 

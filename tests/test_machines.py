@@ -196,7 +196,7 @@ def test_what_drives_carry_is_declared_or_not_looked_for(tells: str | None, tmp_
 def test_points_are_where_the_loops_close_under_a_load(drive: str, tmp_path: Path) -> None:
     """The pins of two arms meet: torques of an open chain would leave them apart."""
     rng = np.random.default_rng(SEED)
-    machine = drawn("five-bar")
+    machine = drawn("fivebar")
     gives = next(e for e in machine.effects if e.value == f"compliance@{drive}")
     size = Linear(machine).sized(gives, 3000.0)
     csv, mechanism = files.write(machine, machine.observe(rng, gives, size), tmp_path)

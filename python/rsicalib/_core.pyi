@@ -152,7 +152,7 @@ class Mechanism:
         """Reads a mechanism from TOML text; chains in rows, not as URDF."""
 
     @property
-    def instrument_columns(self) -> Any:
+    def instrument_columns(self) -> list[str]:
         """Columns of the readings that an instrument gives: coordinates of the points that it sees."""
 
     def inverse(self, pose: Sequence[float]) -> list[float]:
@@ -161,6 +161,10 @@ class Mechanism:
     @property
     def key_columns(self) -> list[str]:
         """Text columns of the readings that its unknown points need."""
+
+    @property
+    def law_columns(self) -> list[str]:
+        """Columns of numbers that no closure has of its own: what laws and drives use."""
 
     @property
     def length_unit(self) -> str:

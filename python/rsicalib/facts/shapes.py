@@ -95,8 +95,8 @@ class HeldOut(Record):
     chi2_per_dof: float
     """χ² of the poses left out, per equation."""
     rms_misclosure: float
-    """Error of their closures, in `misclosure_unit`. Of a held pose it is that of the mean of
-    its samples, while `rms_misclosure` of the fit is of single samples."""
+    """Error of their closures, in `misclosure_unit`. Of a held pose it is that of the mean of its
+    samples, while `rms_misclosure` of the fit is of single samples."""
     p_value: float | None = field(default=None, metadata=IF_KNOWN)
     """Probability by chance of poses that fit so badly to the others."""
 
@@ -179,8 +179,8 @@ class FitQuality(Fitness, Record, repr=False):
     p_value: float | None
     """Probability of a larger χ² by chance; null where lack of fit cannot be judged."""
     rms_misclosure: float | None
-    """Error of the closures of single samples, in `misclosure_unit`; that of `held_out` is of
-    the means of held poses."""
+    """Error of the closures of single samples, in `misclosure_unit`; that of `held_out` is of the
+    means of held poses."""
     misclosure_unit: str | None = field(default=None, metadata=IF_KNOWN)
     """Unit of `rms_misclosure`: of length, or of the coordinates that closures make equal."""
     held_out: HeldOut | None = None

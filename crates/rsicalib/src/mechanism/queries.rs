@@ -165,15 +165,6 @@ impl Mechanism {
         each_once(measured.iter().chain(heights).chain(&points).chain(declared).chain(torques))
     }
 
-    /// Those of them that no closure has of its own: what laws and drives use, and lengths between places.
-    #[must_use]
-    pub fn law_columns(&self) -> Vec<String> {
-        let own: Vec<String> = (0..self.closures.len()).flat_map(|k| self.own_columns(k)).collect();
-        let mut columns = self.value_columns();
-        columns.retain(|name| !own.contains(name));
-        columns
-    }
-
     /// True where the mechanism says of drives what an open chain does not: which joints have none, or
     /// what one does.
     pub(crate) fn tells_of_drives(&self) -> bool {

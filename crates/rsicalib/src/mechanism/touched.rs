@@ -54,6 +54,15 @@ impl Mechanism {
         own
     }
 
+    /// Columns of numbers that no closure has of its own: what laws and drives use, and lengths between places.
+    #[must_use]
+    pub fn law_columns(&self) -> Vec<String> {
+        let own: Vec<String> = (0..self.closures.len()).flat_map(|k| self.own_columns(k)).collect();
+        let mut columns = self.value_columns();
+        columns.retain(|name| !own.contains(name));
+        columns
+    }
+
     /// The name of a place that closures of this mechanism may touch, its columns in their order; none
     /// for another text.
     pub(crate) fn named_place(&self, text: &str) -> Option<PlaceName> {

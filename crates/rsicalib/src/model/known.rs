@@ -15,6 +15,9 @@ const ROOT: f64 = 3e-3;
 /// A joint of a mechanism may give this many times as much as its typical joint.
 const SOFTER: f64 = 1.0;
 
+/// A torque below this share of the largest one is rounding: that of gravity about a vertical axis.
+const ROUNDING: f64 = 1e-9;
+
 /// What a mechanism declares as known, with a standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Declared {
@@ -144,7 +147,9 @@ impl Model {
         let links = |i: &&Instance| matches!(i.term.acts(), Acts::Load(Weight::Links));
         match instance.term.acts() {
             Acts::Load(Weight::Links) if self.instances.iter().filter(links).count() > 1 => {
-                let torque = self.largest_torque(instance).filter(|torque| *torque > 0.0)?;
+                let most = self.torques.iter().copied().fold(0.0, f64::max);
+                let loaded = |torque: &f64| *torque > ROUNDING * most;
+                let torque = self.largest_torque(instance).filter(loaded)?;
                 let parameters = instance.term.info().parameters.iter();
                 Some(parameters.map(|p| p.typical / torque).collect())
             }
