@@ -59,7 +59,7 @@ impl Move {
         for (k, axis) in axes.iter().enumerate() {
             let by = acts * beta[self.first + k];
             for (at, axis) in point.iter_mut().zip(axis) {
-                *at = *at + *axis * by;
+                *at += *axis * by;
             }
         }
     }

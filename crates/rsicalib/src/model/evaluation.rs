@@ -722,6 +722,7 @@ impl Model {
 
     /// Columns of what moves an attached point along these axes.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "the state of one loop")]
     fn add_attached(
         &self,
         closure: &CompiledClosure,
