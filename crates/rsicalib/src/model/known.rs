@@ -15,9 +15,6 @@ const ROOT: f64 = 3e-3;
 /// A joint of a mechanism may give this many times as much as its typical joint.
 const SOFTER: f64 = 1.0;
 
-/// A torque below this share of the largest one is rounding: that of gravity about a vertical axis.
-const ROUNDING: f64 = 1e-9;
-
 /// What a mechanism declares as known, with a standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Declared {
@@ -56,13 +53,13 @@ impl Model {
         for (instance, &first) in self.instances.iter().zip(&self.first) {
             let info = instance.term.info();
             // A term with redundant directions, or a free shape, has its typical size as prior.
-            let held =
-                info.penalised || info.broad || (complete && instance.term.role() == Role::Offset);
+            let held = info.penalised
+                || info.broad
+                || self.gives(instance)
+                || (complete && instance.term.role() == Role::Offset);
             let known = self.declared_sd(instance);
-            let given = self.given(instance);
             for (k, typical) in self.size(instance).into_iter().enumerate() {
-                let given = given.as_ref().map(|sizes| sizes[k]);
-                if let Some(sd) = known.or(given).or(held.then_some(typical)) {
+                if let Some(sd) = known.or(held.then_some(typical)) {
                     priors.push(Prior::Parameter { column: first + k, mean: 0.0, sd });
                 }
             }
@@ -75,12 +72,11 @@ impl Model {
     pub(crate) fn held_by_size(&self) -> Vec<Prior> {
         let complete = self.is_complete();
         let tool = |i: &Instance| !complete && i.term.moves_tool() && i.term.info().broad;
-        let sized = |i: &Instance| tool(i) || self.given(i).is_some();
+        let sized = |i: &Instance| tool(i) || self.gives(i);
         let free = |i: &Instance| sized(i) && self.declared_sd(i).is_none();
         let instances = self.instances.iter().zip(&self.first).filter(|(i, _)| free(i));
         let of = |(instance, &first): (&Instance, &usize)| {
-            let sizes = self.given(instance).unwrap_or_else(|| self.size(instance));
-            let typical = sizes.into_iter().enumerate();
+            let typical = self.size(instance).into_iter().enumerate();
             let prior = move |(k, sd)| Prior::Parameter { column: first + k, mean: 0.0, sd };
             typical.map(prior).collect::<Vec<_>>()
         };
@@ -141,20 +137,13 @@ impl Model {
         })
     }
 
-    /// Sizes by which a load is held, since what joints give is hard to tell from what others give: by so much its joint
-    /// gives way to the largest torque in these readings. None of what is not loaded, nor of one load alone.
-    fn given(&self, instance: &Instance) -> Option<Vec<f64>> {
+    /// True for a load that is held: what joints give is hard to tell from what others give.
+    fn gives(&self, instance: &Instance) -> bool {
         let links = |i: &&Instance| matches!(i.term.acts(), Acts::Load(Weight::Links));
         match instance.term.acts() {
-            Acts::Load(Weight::Links) if self.instances.iter().filter(links).count() > 1 => {
-                let most = self.torques.iter().copied().fold(0.0, f64::max);
-                let loaded = |torque: &f64| *torque > ROUNDING * most;
-                let torque = self.largest_torque(instance).filter(loaded)?;
-                let parameters = instance.term.info().parameters.iter();
-                Some(parameters.map(|p| p.typical / torque).collect())
-            }
-            Acts::Load(Weight::Tip) => Some(self.size(instance)),
-            _ => None,
+            Acts::Load(Weight::Links) => self.instances.iter().filter(links).count() > 1,
+            Acts::Load(Weight::Tip) => true,
+            _ => false,
         }
     }
 
