@@ -113,3 +113,15 @@ def test_a_trace_says_what_has_changed_as_calibrate_does(tmp_path: Path) -> None
     assert found.update is not None and later.update is not None
     assert [c.target for c in found.update.changes] == [c.target for c in later.update.changes]
     assert "offset of q3" in found.summary()
+
+
+def test_a_session_that_does_not_close_tells_no_change(tmp_path: Path) -> None:
+    """A gain that nobody asked for has changed: offsets take up a part, and say nothing of it."""
+    earlier, _ = pair(11, {}, tmp_path)
+    table = dict(later_session(11, {}).table)
+    table["q4"] = [1.01 * float(v) for v in table["q4"]]
+    later = rsicalib.calibrate(table, ARM, terms=FREE, calibration=earlier)
+    assert later.verdict == "unexplained"
+    assert later.update is not None and later.update.unclear
+    assert not later.update.changes and not later.update.worth
+    assert "not told" in later.update.text

@@ -20,6 +20,7 @@ use crate::Error;
 use crate::apply::change::{PlatformRms, apart, platform_difference};
 use crate::apply::earlier::{Applied, outlasts};
 use crate::apply::moved::parts_of;
+use crate::diagnosis::options::LEVEL;
 use crate::estimate::directions::{as_reported, parameter_names, reported};
 use crate::estimate::{Fit, Implicit, Observations, Part, Residuals};
 use crate::model::Spec;
@@ -63,8 +64,9 @@ pub fn compare_results(
         (chi2 / count, judged.p_value(chi2, count))
     };
     let (chi2_per_dof, p_value) = left_by(&[]);
+    let open = fit.p_value.is_some_and(|p| p <= LEVEL);
     let mut changes: Vec<Named> = Vec::new();
-    for _ in 0..MOST_CHANGES {
+    for _ in 0..if open { 0 } else { MOST_CHANGES } {
         let Some(best) = both.first(&changes, judged) else { break };
         changes.push(best);
         choose_again(&mut changes, |others| both.first(others, judged));
@@ -76,7 +78,7 @@ pub fn compare_results(
     let found =
         changes.into_iter().map(|one| both.found(one, (&values, &spread), (observations, fit)));
     let (rms_misclosure, changes) = (both.misclosure(observations, fit), found.collect());
-    Ok(Comparison { chi2_per_dof, p_value, rms_misclosure, changes, left })
+    Ok(Comparison { chi2_per_dof, p_value, rms_misclosure, changes, left, open })
 }
 
 impl Both {

@@ -63,6 +63,9 @@ pub struct Comparison {
     pub changes: Vec<Found>,
     /// Probability of more by chance than these changes leave.
     pub left: f64,
+    /// True where parameters are compared, and those of the later session do not close its loops: they are wrong by
+    /// what is left, in directions that nobody knows, and what has changed is not told.
+    pub open: bool,
 }
 
 /// A change between two sessions.
@@ -269,7 +272,7 @@ pub fn compare(
         Found { term, target, size, sd, unit, parameters, p_value, platform_rms, also_fits }
     });
     let changes = far.into_iter().chain(found).collect();
-    Ok(Comparison { chi2_per_dof, p_value, rms_misclosure, changes, left })
+    Ok(Comparison { chi2_per_dof, p_value, rms_misclosure, changes, left, open: false })
 }
 
 /// What may have changed: as at work, and the gain of a sensor.

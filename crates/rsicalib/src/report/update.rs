@@ -36,8 +36,8 @@ pub struct Update {
     pub changes: Vec<Changed>,
     /// Effects of the earlier result that belong to its session, and are not compared.
     pub session_only: Vec<String>,
-    /// True where something is not as it was, and no change from one session to the other explains it: there are
-    /// no `changes` then.
+    /// True where something is not as it was, and no change from one session to the other explains it, or where
+    /// that is not told: there are no `changes` then.
     #[cfg_attr(feature = "serde", serde(default))]
     pub unclear: bool,
 }
@@ -114,7 +114,8 @@ impl Update {
                 session_only.push(spec);
             }
         }
-        let unclear = found.changes.is_empty() && found.left <= LEVEL;
+        let unclear = found.open || (found.changes.is_empty() && found.left <= LEVEL);
+        let open = found.open;
         let changes: Vec<Changed> = found.changes.into_iter().map(Changed::from).collect();
         let mut update = Self {
             worth,
@@ -127,7 +128,12 @@ impl Update {
             session_only,
             unclear,
         };
-        update.text = update.sentence(&mechanism.length_unit);
+        update.text = match open {
+            true => "what has changed is not told: the loops of this session do not close under its own parameters \
+                     either; trace it"
+                .into(),
+            false => update.sentence(&mechanism.length_unit),
+        };
         Ok(update)
     }
 
