@@ -494,20 +494,21 @@ fn knowledge(mechanism: &Mechanism, of: Declared, off: f64, sd: f64) -> String {
     match of {
         Declared::Distance(closure) => {
             let Closure { name, value, sd: declared, noise, .. } = &mechanism.closures[closure];
-            let value = match value {
-                Some(Value::Known(value)) => *value,
-                _ => f64::NAN,
-            };
             let by = match declared.or(*noise) {
                 Some(_) => "its declared standard deviation",
                 None => "a thousandth of it, which is taken where no `sd` is declared",
             };
+            let unit = &mechanism.length_unit;
+            let said = match value {
+                Some(Value::Known(value)) => format!(
+                    "is declared as {} {unit}, and the readings have {} {unit}: they differ by",
+                    significant(*value, 6),
+                    significant(value + off, 6)
+                ),
+                _ => format!("is {} {unit} off what its column says: that is", significant(off, 3)),
+            };
             format!(
-                "the distance of {name} is declared as {} {unit}, and the readings have {} {unit}: they differ by \
-                 {times} times {by}. Measure it again, or declare its `sd`",
-                significant(value, 6),
-                significant(value + off, 6),
-                unit = mechanism.length_unit,
+                "the distance of {name} {said} {times} times {by}. Measure it again, or declare its `sd`"
             )
         }
         Declared::Term(instance) => {
