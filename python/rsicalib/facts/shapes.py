@@ -455,7 +455,7 @@ class Update(Record):
     """Effects of the earlier result that belong to its session, and are not compared."""
     unclear: bool = False
     """True where something is not as it was, and no change from one session to the other explains
-    it: there are no `changes` then."""
+    it, or where that is not told: there are no `changes` then."""
 
 
 class Groups(Record):

@@ -182,6 +182,11 @@ impl Conventions {
         found
     }
 
+    /// True for a parameter that a typical size alone holds.
+    pub(crate) fn presumes(&self, parameter: usize) -> bool {
+        self.presumed.contains(&parameter)
+    }
+
     /// How far a direction turns a frame about all that it sees, for a change of its parameter of one; none where
     /// it is another direction, or one of more than that frame.
     fn turn(&self, (pivot, row): &Row, here: Here<'_>) -> Option<f64> {

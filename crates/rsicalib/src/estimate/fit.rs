@@ -640,7 +640,10 @@ struct Told {
 impl Told {
     fn of(conventions: &Conventions, gram: Mat<f64>) -> Self {
         let gram = conventions.out_of(gram);
-        let (inverse, unknowable, condition) = invert(&gram);
+        let (inverse, mut unknowable, condition) = invert(&gram);
+        for (k, unknown) in unknowable.iter_mut().enumerate() {
+            *unknown |= conventions.presumes(k);
+        }
         Self { inverse: conventions.held_in(&inverse), gram, unknowable, condition }
     }
 }
