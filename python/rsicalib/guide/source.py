@@ -19,11 +19,9 @@ from pathlib import Path
 from typing import IO
 
 from rsicalib.errors import InputError
+from rsicalib.io.lines import POLL_S
 from rsicalib.io.messages import as_json
 from rsicalib.io.sources import LONGEST_LINE
-
-POLL_S = 0.05
-"""Between two looks at a file that grows."""
 
 ENDS_S = 0.5
 """In which a command ends that is asked to."""
