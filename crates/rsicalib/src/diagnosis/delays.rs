@@ -98,7 +98,7 @@ pub(crate) fn delays(
 
 /// The one that is worth least beside noise that resembles its neighbours, where that is nothing: changes of slow noise
 /// follow those of a motion by chance, and its rows say much less of a delay than as many others.
-fn least_that_does_not_pay(kept: &[FoundEffect], here: &Fit) -> Option<usize> {
+pub(crate) fn least_that_does_not_pay(kept: &[FoundEffect], here: &Fit) -> Option<usize> {
     // Of correlated noise alone: what else is left is searched for later.
     let of_noise = wider(here) / here.noise.slow;
     let worth = |step: &FoundEffect| paid(step, rise(here, &step.scored.instance) * of_noise);

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use crate::Error;
 use crate::diagnosis::as_drawn::{likelier, without_offsets};
 use crate::diagnosis::averaged::Averaged;
-use crate::diagnosis::delays::{Delays, beyond, delays};
+use crate::diagnosis::delays::{Delays, beyond, delays, least_that_does_not_pay};
 use crate::diagnosis::isolation::Isolated;
 use crate::diagnosis::long::{Search, rise, search_long};
 use crate::diagnosis::plausibility::absurdities;
@@ -333,6 +333,14 @@ fn pursue<'a>(
         let Some(again) = judge_again(all, &observations, &base, &searched, once)? else { break };
         (observations, clean, excluded) = again;
         lost = !absurdities(&observations, &clean, &[]).is_empty();
+        searched = search_once(&observations, &clean, &base, search, wanted)?;
+    }
+    // A delay that stood for what was found since is nothing beside that.
+    let answer = |it: &Search| it.all.clone().unwrap_or_else(|| it.searched.current.clone());
+    while let Some(k) = least_that_does_not_pay(&late, &answer(&searched)) {
+        let gone = late.remove(k).scored.instance;
+        base.retain(|instance| *instance != gone);
+        clean = fit(&observations, base.clone(), Some(&clean))?;
         searched = search_once(&observations, &clean, &base, search, wanted)?;
     }
     Ok(Pursued { observations, clean, excluded, base, late, searched, lost })
