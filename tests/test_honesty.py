@@ -767,6 +767,22 @@ def test_compliance_of_several_joints_is_found(seed: int) -> None:
     }
 
 
+@pytest.mark.parametrize("seed", sized([0], [0, 1, 2, 3]))
+def test_a_joint_that_is_many_times_as_soft_is_told_as_it_is(seed: int) -> None:
+    """Joint 4 gives fifty times as much as the others of its arm."""
+    device, scene, rng = machine("sockets", seed)
+    sizes = {"q2": 3e-4, "q4": 2e-2}
+    effects = [of(device, rng, "joint_compliance", q, size) for q, size in sizes.items()]
+    readings, mechanism = given(device, scene, rng, *effects)
+    terms = [*mechanism.to_dict()["model"]["terms"], *(f"joint_compliance@{q}" for q in sizes)]
+    found = rsicalib.calibrate(readings, mechanism, terms=terms)
+    assert found.verdict == "adequate"
+    for effect in effects:
+        own = found["joint_compliance", effect.target]
+        assert own.value is not None and own.sd is not None
+        assert abs(abs(own.value) - abs(effect.size)) < 4 * own.sd
+
+
 @pytest.mark.parametrize("seed", sized([0], [0, 1]))
 @pytest.mark.parametrize("soft", sized([2], [0, 2]))
 def test_a_tool_that_slipped_is_found_beside_compliance(soft: int, seed: int) -> None:

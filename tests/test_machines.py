@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -190,6 +191,25 @@ def test_what_drives_carry_is_declared_or_not_looked_for(tells: str | None, tmp_
     assert ("joint_compliance", "m1") in named
     found = calibrate(csv, mechanism, terms=asked)["joint_compliance@m1"]
     assert abs(found.value - size) < 4 * found.sd
+
+
+def test_drives_of_one_make_give_alike(tmp_path: Path) -> None:
+    """Two gearboxes of one size at arms that are not drawn alike: one effect, or in its tie."""
+    rng, machine = np.random.default_rng(SEED), drawn("fivebar")
+    gives = [e for e in machine.effects if e.value in ("compliance@m1", "compliance@m2")]
+    size = Linear(machine).sized(gives[0], 1000.0)
+    soft = replace(machine, values=machine.values | {e.value: size for e in gives})
+    csv, mechanism = files.write(machine, soft.observe(rng), tmp_path)
+    found = trace(csv, mechanism)
+    assert found.verdict == "explained"
+    (step,) = found.steps
+    named = {(s.term, s.target): s for s in (step, *(step.also_fits or ()))}
+    both = [key for key in named if key[0] == "joint_compliance" and key[1] not in ("m1", "m2")]
+    assert both, named.keys()
+    again = calibrate(csv, mechanism, terms=["offset", "@".join(both[0])])
+    (own,) = (p for p in again.parameters if p.term == "joint_compliance")
+    assert own.value is not None and own.sd is not None
+    assert abs(own.value - size) < 4 * own.sd
 
 
 @pytest.mark.parametrize("drive", ["m1", "m2"])

@@ -35,6 +35,7 @@ pub mod search;
 pub(crate) mod settle;
 pub mod significance;
 mod sized;
+mod softer;
 mod sparse;
 mod spread;
 pub mod start;

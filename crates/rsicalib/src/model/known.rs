@@ -12,9 +12,6 @@ use crate::terms::term::{Acts, Per, Role};
 /// unknown points together (rad, or length units): the same as of the rotations of a frame.
 const ROOT: f64 = 3e-3;
 
-/// A joint of a mechanism may give this many times as much as its typical joint.
-const SOFTER: f64 = 1.0;
-
 /// What a mechanism declares as known, with a standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Declared {
@@ -72,7 +69,16 @@ impl Model {
     pub(crate) fn held_by_size(&self) -> Vec<Prior> {
         let complete = self.is_complete();
         let tool = |i: &Instance| !complete && i.term.moves_tool() && i.term.info().broad;
-        let sized = |i: &Instance| tool(i) || self.gives(i);
+        self.typical_of(|i| tool(i) || self.gives(i))
+    }
+
+    /// Priors of what joints give that are typical sizes.
+    pub(crate) fn give_by_size(&self) -> Vec<Prior> {
+        self.typical_of(|i| self.gives(i))
+    }
+
+    /// Typical sizes, as priors, of such instances of which no standard deviation is declared.
+    fn typical_of(&self, sized: impl Fn(&Instance) -> bool) -> Vec<Prior> {
         let free = |i: &Instance| sized(i) && self.declared_sd(i).is_none();
         let instances = self.instances.iter().zip(&self.first).filter(|(i, _)| free(i));
         let of = |(instance, &first): (&Instance, &usize)| {
@@ -148,15 +154,15 @@ impl Model {
     }
 
     /// Typical size of each parameter of an instance. What a joint gives is typical under the
-    /// largest torque about that joint in these readings, and at most [`SOFTER`] times what is
-    /// typical of the mechanism: readings that hardly load a joint do not say how it gives.
+    /// largest torque about that joint in these readings, and at most what is typical of the
+    /// mechanism: readings that hardly load a joint do not say how it gives.
     fn typical(&self, instance: &Instance) -> Vec<f64> {
         let of_mechanism = targets::typical(&self.mechanism, instance.term, instance.target);
         let torque = self.largest_torque(instance).filter(|torque| *torque > 0.0);
         match (instance.term.acts(), torque) {
             (Acts::Load(Weight::Links), Some(torque)) => {
                 let parameters = instance.term.info().parameters.iter().zip(of_mechanism);
-                parameters.map(|(p, typical)| (p.typical / torque).min(SOFTER * typical)).collect()
+                parameters.map(|(p, typical)| (p.typical / torque).min(typical)).collect()
             }
             _ => of_mechanism,
         }

@@ -1,6 +1,8 @@
 //! [`JointCompliance`].
 
 use crate::kinematics::elements::Weight;
+use crate::mechanism::{Mechanism, Target};
+use crate::terms::targets::targets;
 use crate::terms::term::{Acts, Term};
 
 term! {
@@ -13,4 +15,13 @@ term! {
     } acts Acts::Load(Weight::Links)
 }
 
-impl Term for JointCompliance {}
+impl Term for JointCompliance {
+    /// Drives of one make give alike, whatever they move.
+    fn shared_by(&self, mechanism: &Mechanism) -> Vec<Target> {
+        let loaded = targets(self, mechanism);
+        let channels = loaded.into_iter().flat_map(|joint| mechanism.channels_at(joint));
+        let drives = channels.filter(|&c| !mechanism.channels[c].passive).collect::<Vec<_>>();
+        let alike = |all: &Target| drives.len() > 1 && mechanism.one_make(*all);
+        Target::together(drives.iter().copied()).filter(alike).into_iter().collect()
+    }
+}
