@@ -131,20 +131,21 @@ pub(crate) fn refined(
     Ok((found, rows, chosen))
 }
 
-/// The candidate with the least score, of those not taken; ties to the first.
+/// The candidate with the least score, of those not taken; ties to the first. What has no number as score comes last.
 pub(crate) fn least(
     count: usize,
     taken: &[usize],
     score: impl Fn(usize) -> f64 + Sync,
 ) -> (f64, usize) {
     let none = (f64::INFINITY, usize::MAX);
+    let of = |score: f64| if score.is_nan() { f64::INFINITY } else { score };
     let first = |a: (f64, usize), b: (f64, usize)| match b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)) {
         Ordering::Less => b,
         _ => a,
     };
     let parts = workers::map((0..count).step_by(TOGETHER), |from| {
         let open = (from..count.min(from + TOGETHER)).filter(|k| !taken.contains(k));
-        open.map(|k| (score(k), k)).fold(none, first)
+        open.map(|k| (of(score(k)), k)).fold(none, first)
     });
     parts.into_iter().fold(none, first)
 }
@@ -169,6 +170,14 @@ mod tests {
 
     fn choice(poses: usize, again: bool) -> Choice {
         Choice { poses, from: vec![0.0], way: 0.0, sweeps: 50, again }
+    }
+
+    #[test]
+    fn what_has_no_score_is_taken_last() {
+        let score = |k: usize| [f64::NAN, 3.0, -f64::NAN, 2.0][k];
+        assert_eq!(least(4, &[], score).1, 3);
+        assert_eq!(least(4, &[3], score).1, 1);
+        assert_eq!(least(4, &[1, 3], score), (f64::INFINITY, 0));
     }
 
     /// `ln tr C`, or `ln det C`, of some poses beside a trace of everything, by dense matrices.

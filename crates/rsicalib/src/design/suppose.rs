@@ -4,7 +4,7 @@
 //! columns `X` have absorbed what they can, the residual
 //!
 //! ```text
-//! r = Z p - X (XᵀX)⁻¹ XᵀZ p,    λ = |r|² = pᵀ M p                              (93)
+//! r = Z p - X (XᵀX)⁻¹ XᵀZ p,    λ = |r|² = pᵀ M p                              (177)
 //! ```
 //!
 //! with `M` of (71): the noncentrality of the score (72), and of χ². To first order in `p`.
@@ -15,7 +15,7 @@ use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::options::{LEVEL, SearchOptions};
 use crate::diagnosis::price;
 use crate::diagnosis::score::candidates::candidates;
-use crate::diagnosis::score::projection::project_blocks;
+use crate::diagnosis::score::projection::{project_blocks, visible};
 use crate::diagnosis::score::scored::named_places;
 use crate::estimate::directions::{place, unit};
 use crate::estimate::{Fit, Implicit, Observations, Part, fit};
@@ -42,7 +42,7 @@ pub struct Supposed {
 pub struct Supposition {
     /// The effects with their parameters.
     pub effects: Vec<SupposedEffect>,
-    /// `λ` of (93).
+    /// `λ` of (177).
     pub noncentrality: f64,
     /// Directions of the effects that these poses can show.
     pub width: usize,
@@ -53,7 +53,7 @@ pub struct Supposition {
     pub noticed: f64,
     /// What it does to the platform after the other parameters have absorbed what they can.
     pub platform_rms: Option<PlatformRms>,
-    /// `r` of (93), pose by pose, one entry per equation, in units of noise.
+    /// `r` of (177), pose by pose, one entry per equation, in units of noise.
     pub residuals: Vec<Vec<f64>>,
     /// Numbers of the poses.
     pub poses: Vec<i64>,
@@ -146,11 +146,11 @@ pub fn suppose(observations: &Observations, supposed: &[Supposed]) -> Result<Sup
     let noise = last.assumed();
     let here = platform(&small, &last.model, &last.beta, &noise);
     let there = platform(&small, &with.model, &with.beta, &noise);
-    let width_seen = width as f64;
+    let seen = visible(it);
     // As in the search: worth its parameters and places.
-    let least = price::least_of_first(width_seen, places);
+    let least = price::least_of_first(seen as f64, places);
     Ok(Supposition {
-        seen: chi2_beyond(least, width_seen, noncentrality),
+        seen: if seen == 0 { 0.0 } else { chi2_beyond(least, seen as f64, noncentrality) },
         noticed: match last.dof >= 1.0 {
             true => {
                 let limit = chi2_quantile(LEVEL, last.dof);
@@ -159,7 +159,7 @@ pub fn suppose(observations: &Observations, supposed: &[Supposed]) -> Result<Sup
             false => 0.0,
         },
         noncentrality,
-        width,
+        width: seen,
         platform_rms: here.zip(there).map(|(here, there)| difference(&small, &here, &there)),
         residuals: with.residuals(&small, &last, &values, &absorbed),
         poses: small.readings.labels.clone(),

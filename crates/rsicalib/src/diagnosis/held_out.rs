@@ -83,9 +83,8 @@ fn errors(
         let left = chi2(observations, &trained, &noise, &training.weights);
         // A point that was left out whole is where the others' terms touch it.
         let untouched = place_untouched(observations, &mut trained, &training.weights, &noise);
-        let live = |weights: &[f64]| weights.iter().filter(|w| **w > 0.0).count();
-        let rows = live(&observations.weights) - live(&training.weights);
-        let width = (rows * full.residuals.equations) as f64 - untouched.len() as f64;
+        let told = |weights: &[f64]| full.model.told_by(readings, weights) as f64;
+        let width = told(&observations.weights) - told(&training.weights) - untouched.len() as f64;
         let p_value =
             (width > 0.0).then(|| judge.p_value((whole - left).max(0.0) * measure, width));
         Some((trained, out, p_value))

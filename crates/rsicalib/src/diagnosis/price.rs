@@ -192,7 +192,8 @@ impl Data {
         }
     }
 
-    /// By how much that falls for each unit of χ²: the variance of the noise over what it may really be.
+    /// By how much that falls for each unit of χ²: the variance of the noise over what it may really be, and 1 where
+    /// it is no larger.
     fn slope(&self, chi2: f64) -> f64 {
         let d = self.dof.max(1.0);
         match self.scale {

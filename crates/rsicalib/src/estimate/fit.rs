@@ -31,6 +31,7 @@ use crate::estimate::progress::Heard;
 use crate::estimate::residuals::Residuals;
 use crate::estimate::significance::LEVEL;
 use crate::estimate::sized::sized;
+use crate::estimate::softer::softer;
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::Start;
 use crate::estimate::turned::turned;
@@ -80,13 +81,7 @@ pub fn fit(
     }
     let guess = first_noise(observations, from.map(Fit::assumed));
     let start = match from {
-        Some(fit) => Start {
-            beta: carry_over(fit, &model),
-            tries: fit.starts.clone(),
-            warnings: fit.warnings.clone(),
-            adjusted: fit.adjusted.clone(),
-            stays: fit.stays.clone(),
-        },
+        Some(fit) => after(fit, &model),
         None => begin(observations, &model, &guess),
     };
     let found = if observations.is_long() || observations.judged {
@@ -120,6 +115,17 @@ pub fn fit(
             ))
         }
         (_, found) => found,
+    }
+}
+
+/// A start where an earlier fit ended.
+fn after(fit: &Fit, model: &Model) -> Start {
+    Start {
+        beta: carry_over(fit, model),
+        tries: fit.starts.clone(),
+        warnings: fit.warnings.clone(),
+        adjusted: fit.adjusted.clone(),
+        stays: fit.stays.clone(),
     }
 }
 
@@ -195,9 +201,27 @@ fn as_large(a: &Noise, b: &Noise) -> bool {
     (a.sigma[0] - b.sigma[0]).abs() <= 0.01 * a.sigma[0]
 }
 
+/// A fit whose joints are as soft as readings tell, (176).
+fn solve(
+    observations: &Observations,
+    model: Model,
+    priors: Vec<Prior>,
+    start: Start,
+    noise: Noise,
+) -> Result<Fit, Error> {
+    let mut found = as_drawn(observations, model, priors, start, noise)?;
+    for _ in 0..ROUNDS {
+        let Some(priors) = softer(&found) else { break };
+        let (model, noise) = (Model::clone(&found.model), found.assumed());
+        let start = after(&found, &model);
+        found = as_drawn(observations, model, priors, start, noise)?;
+    }
+    Ok(found)
+}
+
 /// A fit with all conventions where the drawing has them: what noise and play seem to tell of them
 /// moves nothing.
-fn solve(
+fn as_drawn(
     observations: &Observations,
     model: Model,
     priors: Vec<Prior>,
@@ -578,7 +602,7 @@ fn conclude(
     }
     // The Gram matrix tells nothing of a turn that play has told.
     dof -= conventions.number_of_turns() as f64;
-    let p_value = (noise.judges() && dof >= 1.0)
+    let p_value = (noise.judges() && dof >= 1.0 && noise.dof_of_pose() > 0.0)
         .then(|| distributions::f_tail(chi2 / dof, dof, noise.dof_of_pose()));
 
     let wider = widening(&noise, p_value, chi2 / dof);

@@ -5,10 +5,10 @@
 //! With `A` of readings that close the loops, a direction `n` of the equations is redundant where
 //!
 //! ```text
-//! nᵀ A = 0    at the closed readings of every sample                            (56)
+//! nᵀ A = 0    at the closed readings of up to eight samples                       (56)
 //! ```
 //!
-//! Such a combination has no variance, and its misclosure is of second order in the noise: weighed
+//! spread over the session. Such a combination has no variance, and its misclosure is of second order in the noise: weighed
 //! by the inverse of its variance it would outweigh all others. As many equations as there are
 //! redundant directions are left out, those that these directions depend on most in all poses:
 //! the others then say the same. A touch is turned first, so that what it has redundant is along

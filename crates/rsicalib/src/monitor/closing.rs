@@ -131,7 +131,7 @@ impl SomePoses {
         Self { table: take(Some(&rows)), whole: false }
     }
 
-    /// Those of a table of a mechanism with so many channels.
+    /// Those of a table that has been checked, of a mechanism with so many channels.
     #[must_use]
     pub fn of_table(table: &Table, channels: usize) -> Self {
         let samples = table.values.len() / channels.max(1);

@@ -20,7 +20,7 @@
 //! (1959) has it for Student's t, is compared with the threshold of `χ²`.
 
 use crate::monitor::tails::Tails;
-use crate::numerics::distributions::chi2_tail;
+use crate::numerics::distributions::{chi2_quantile, chi2_tail};
 
 /// Largest rank of a candidate.
 const MOST_RANK: usize = 16;
@@ -68,7 +68,7 @@ impl Thresholds {
             let share = reached(level) / all;
             (bound * share * step(level) / candidates.max(1) as f64).min(0.5)
         };
-        let ranks = |p: f64| (1..=MOST_RANK).map(move |rank| quantile(p, rank as f64));
+        let ranks = |p: f64| (1..=MOST_RANK).map(move |rank| chi2_quantile(p, rank as f64));
         let limits = (0..levels).flat_map(|level| ranks(chance(level))).collect();
         let tail = TAIL / candidates.max(1) as f64;
         let begins = ranks(tail).collect();
@@ -124,16 +124,6 @@ pub(crate) fn as_chi2(statistic: f64, dof: f64) -> f64 {
     dof * (statistic / dof).ln_1p() * correction
 }
 
-/// `x` with `P(χ²(dof) > x) = p`, also far out in the tail.
-pub(crate) fn quantile(p: f64, dof: f64) -> f64 {
-    let (mut low, mut high) = (0.0, 2_000.0);
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if chi2_tail(middle, dof) > p { low = middle } else { high = middle }
-    }
-    high
-}
-
 /// `ln P(χ²(dof) > x)`, also where the probability is below the smallest number.
 pub(crate) fn log_tail(x: f64, dof: f64) -> f64 {
     let tail = chi2_tail(x, dof);
@@ -153,10 +143,10 @@ mod tests {
     fn quantiles_are_those_of_tables_and_reach_far_out() {
         // Abramowitz & Stegun, Table 26.8: P = 0.001.
         for (dof, expected) in [(1.0, 10.8276), (2.0, 13.8155), (6.0, 22.4577)] {
-            assert!((quantile(1e-3, dof) - expected).abs() < 1e-4);
+            assert!((chi2_quantile(1e-3, dof) - expected).abs() < 1e-4);
         }
         // Two degrees of freedom: exp(-x/2).
-        assert!((quantile(1e-14, 2.0) - 64.472_4).abs() < 1e-3);
+        assert!((chi2_quantile(1e-14, 2.0) - 64.472_4).abs() < 1e-3);
     }
 
     #[test]

@@ -13,12 +13,13 @@ use crate::monitor::runs::Runs;
 use crate::monitor::score::Score;
 use crate::monitor::state::{State, dot};
 use crate::monitor::tails::Tails;
-use crate::monitor::thresholds::{Thresholds, as_chi2, quantile};
+use crate::monitor::thresholds::{Thresholds, as_chi2};
 use crate::monitor::unsteady::{Whitener, places};
 use crate::monitor::watched::Watched;
 use crate::monitor::watching::{CONFIRMED, Monitor, Tested};
 use crate::monitor::whitening::Whitening;
 use crate::monitor::windows::Windows;
+use crate::numerics::distributions::chi2_quantile;
 use crate::numerics::lanes::{WIDTH, dispatch};
 
 /// Levels of windows: the longest has 2^20 samples.
@@ -95,7 +96,7 @@ impl Monitor {
             silent: false,
             scale: 1.0,
             dof: options.quiet.dof.unwrap_or(DECLARED),
-            outside: quantile(OUTSIDE, equations as f64),
+            outside: chi2_quantile(OUTSIDE, equations as f64),
             r: vec![0.0; equations],
             g: vec![0.0; equations * width],
             waiting: [0; CONFIRMED],

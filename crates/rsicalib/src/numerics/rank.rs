@@ -97,11 +97,11 @@ fn square(x: Mat<f64>) -> Mat<f64> {
     Qr::new(x.as_ref()).thin_R().to_owned()
 }
 
-/// Singular values above [`RANK`] of the largest, or of `relative` where given.
+/// Singular values above [`RANK`] of the largest, or above `least` where given.
 ///
 /// None where an entry is not a number.
 #[must_use]
-pub fn rank(x: &Mat<f64>, relative: Option<f64>) -> Option<usize> {
+pub fn rank(x: &Mat<f64>, least: Option<f64>) -> Option<usize> {
     if !finite(x) {
         return None;
     }
@@ -110,7 +110,7 @@ pub fn rank(x: &Mat<f64>, relative: Option<f64>) -> Option<usize> {
     }
     let tall = if x.nrows() < x.ncols() { x.transpose().to_owned() } else { x.clone() };
     let singular = square(tall).singular_values().ok()?;
-    let least = relative.unwrap_or_else(|| RANK * singular.iter().copied().fold(0.0, f64::max));
+    let least = least.unwrap_or_else(|| RANK * singular.iter().copied().fold(0.0, f64::max));
     Some(singular.iter().filter(|s| **s > least).count())
 }
 

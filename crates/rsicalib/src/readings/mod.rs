@@ -19,6 +19,6 @@ pub(crate) use along::{along, ascending};
 pub use block::Block;
 pub use holding::Holding;
 pub use samples::Readings;
-pub(crate) use samples::is_absent;
+pub(crate) use samples::{check, is_absent};
 pub use table::{Part, Table};
 pub(crate) use table::{as_of, average, runs_of, runs_of_poses};

@@ -329,9 +329,7 @@ impl Readings {
             whole,
         };
         let order: Vec<f64> = match main {
-            Some(main) if !own_poses => {
-                (0..samples).map(|row| main.place_of(&readings.table, row)).collect()
-            }
+            Some(main) if !own_poses => main.places_of(&readings.table, samples),
             _ => readings.pose.iter().map(|&p| p as f64).collect(),
         };
         readings.lay_out(&group, &time, &temperature, &order);
@@ -424,14 +422,17 @@ impl Readings {
         }
     }
 
-    /// Position of a row of another table in the order of these poses: by the clock, half-way
-    /// between two poses; without a clock, after the last pose.
-    fn place_of(&self, other: &Table, row: usize) -> f64 {
-        let (Some(mine), Some(theirs)) = (&self.table.time, &other.time) else {
-            return self.poses() as f64 - 0.5;
-        };
-        let before = mine.partition_point(|t| *t <= theirs[row]);
-        before.checked_sub(1).map_or(-0.5, |r| self.pose[r] as f64 + 0.5)
+    /// Positions of the rows of another table in the order of these poses: by the clock, half-way
+    /// between two poses; without a clock that all sessions have in common, after the last pose.
+    fn places_of(&self, other: &Table, rows: usize) -> Vec<f64> {
+        match (&self.table.time, &other.time) {
+            (Some(mine), Some(theirs)) if self.table.has_one_clock() => {
+                let before = |time: &f64| mine.partition_point(|t| t <= time).checked_sub(1);
+                let place = |row: usize| self.pose[row] as f64 + 0.5;
+                theirs.iter().map(|time| before(time).map_or(-0.5, place)).collect()
+            }
+            _ => vec![self.poses() as f64 - 0.5; rows],
+        }
     }
 
     /// Puts another reading in place of the only one.
@@ -763,15 +764,17 @@ fn with_columns(
     named: &[String],
     main: Option<&Readings>,
 ) -> Table {
-    if table.columns.is_empty() && mechanism.law_columns().len() == named.len() {
+    let laws = mechanism.law_columns();
+    if table.columns.is_empty() && laws.len() == named.len() {
         let rows = table.values.len() / mechanism.channels.len().max(1);
-        let mean = |name: &String| {
-            let main = main?;
-            let column = main.named.iter().position(|own| own == name)?;
-            Some(mean_of(main.table.columns[column].iter().copied()))
-        };
-        let column = |name| vec![mean(name).unwrap_or(f64::NAN); rows];
-        table.columns = named.iter().map(column).collect();
+        table.columns = vec![vec![f64::NAN; rows]; named.len()];
+    }
+    let Some(main) = main else { return table };
+    let absent = named.iter().zip(&mut table.columns).filter(|(name, _)| laws.contains(name));
+    for (name, column) in absent.filter(|(_, column)| is_absent(column)) {
+        let own = main.named.iter().zip(&main.table.columns).find(|(own, _)| *own == name);
+        let mean = own.map(|(_, read)| mean_of(read.iter().copied()));
+        column.fill(mean.unwrap_or(f64::NAN));
     }
     table
 }
@@ -781,7 +784,12 @@ pub(crate) fn is_absent(column: &[f64]) -> bool {
     column.iter().all(|value| value.is_nan())
 }
 
-fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
+/// The number of rows of a table that a mechanism can be read from.
+///
+/// # Errors
+///
+/// [`Error::Shape`] for columns of other lengths, and as [`Readings::new`] for what stands in them.
+pub(crate) fn check(mechanism: &Mechanism, table: &Table) -> Result<usize, Error> {
     let channels = mechanism.channels.len();
     if channels == 0 {
         return Err(Error::Mechanism {
@@ -927,7 +935,7 @@ mod tests {
     use super::*;
 
     /// Ten poses of a recording without a clock, read once each; the first channel goes up but for pose 5.
-    fn session() -> Table {
+    fn session_of_poses() -> Table {
         let way = [0.0, 100.0, 200.0, 300.0, 900.0, 400.0, 500.0, 600.0, 700.0, 800.0];
         let values = way.iter().flat_map(|v| (0..9).map(move |c| if c == 0 { *v } else { 2000.0 }));
         Table { values: values.collect(), pose: Some((1..=10).collect()), ..Table::default() }
@@ -937,7 +945,7 @@ mod tests {
     fn what_rows_have_from_others_does_not_depend_on_which_are_used() {
         let mechanism = Mechanism::rsi();
         let rows = [1, 3, 5, 8];
-        let part = Readings::new(&mechanism, session().some(9, &rows)).expect("counts");
+        let part = Readings::new(&mechanism, session_of_poses().some(9, &rows)).expect("counts");
         // By hand: pose 6 comes down from pose 5, which is left out.
         let first = |all: &[i8]| all.iter().step_by(9).copied().collect::<Vec<_>>();
         assert_eq!(first(part.sides()), [1, 1, -1, 1]);
@@ -949,17 +957,38 @@ mod tests {
         // Rows of these rows are rows of the same session, with a mean for each pose or without.
         let fewer = Arc::new(part).some(&mechanism, &[1, 2]).expect("counts");
         assert_eq!(first(fewer.sides()), [1, -1]);
-        let table = session().some(9, &rows).some(9, &[1, 2]);
+        let table = session_of_poses().some(9, &rows).some(9, &[1, 2]);
         assert_eq!(first(Readings::new(&mechanism, table).expect("counts").sides()), [1, -1]);
         let (means, _) = fewer.averaged(&mechanism, &[1.0, 1.0]).expect("counts");
         assert_eq!(first(means.sides()), [1, -1]);
     }
 
     #[test]
+    fn rows_beside_are_placed_by_a_clock_that_all_sessions_share() {
+        let mechanism = Mechanism::rsi();
+        let clock = |begins: f64| {
+            let time = (0..10).map(|row| if row < 5 { row as f64 } else { begins + row as f64 });
+            let session = Some((0..10).map(|row| row / 5).collect());
+            Table { time: Some(time.collect()), session, ..session_of_poses() }
+        };
+        let other = Table { time: Some(vec![2.5, 107.5]), ..session_of_poses().some(9, &[2, 7]) };
+        let other = Table { pose: Some(vec![1, 2]), part: None, ..other };
+        let places = |begins: f64| {
+            let main = Readings::new(&mechanism, clock(begins)).expect("counts");
+            let beside = Readings::beside(&mechanism, other.clone(), &main).expect("counts");
+            beside.blocks()[0].pose.0[..2].to_vec()
+        };
+        // By hand: behind the third pose of the first session, and of the second.
+        assert_eq!(places(100.0), [2.5, 7.5]);
+        // The second clock begins anew: no time says which session it is of.
+        assert_eq!(places(-5.0), [9.5, 9.5]);
+    }
+
+    #[test]
     fn rows_that_the_session_does_not_have_are_refused() {
-        let part = |rows: Vec<usize>| Part { whole: Arc::new(session()), rows };
+        let part = |rows: Vec<usize>| Part { whole: Arc::new(session_of_poses()), rows };
         for rows in [vec![10], vec![0, 1]] {
-            let one = Table { part: Some(part(rows)), ..session().alone(9, &[3]) };
+            let one = Table { part: Some(part(rows)), ..session_of_poses().alone(9, &[3]) };
             assert!(matches!(Readings::new(&Mechanism::rsi(), one), Err(Error::Shape { .. })));
         }
     }

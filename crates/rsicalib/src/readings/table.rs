@@ -65,6 +65,15 @@ impl Table {
         }
     }
 
+    /// True where each session begins after the one before has ended, by the times of the rows; true without times.
+    #[must_use]
+    pub fn has_one_clock(&self) -> bool {
+        let (Some(time), Some(session)) = (&self.time, &self.session) else { return true };
+        let mut begins = (1..time.len()).filter(|&row| session[row] != session[row - 1]);
+        let ended = |row: usize| time[..row].iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        begins.all(|row| time[row] >= ended(row))
+    }
+
     /// What some rows are a part of.
     pub(crate) fn part_of(&self, rows: impl Iterator<Item = usize>) -> Option<Part> {
         Some(match &self.part {

@@ -11,7 +11,7 @@ use crate::estimate::noise::source::Source;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::Mechanism;
 use crate::monitor::closing::{Closing, OpenLoops, Scale, SomePoses, closing, times_open};
-use crate::readings::{Table, runs_of_poses};
+use crate::readings::{self, Table, runs_of_poses};
 use crate::report::named::Named;
 use crate::report::result::{Estimates, FitReport, Known, parameters};
 use crate::terms::term::Placed;
@@ -132,6 +132,7 @@ impl Beside {
             dof: noise.dof,
             correlation: noise.correlation.unwrap_or(0.0),
         };
+        readings::check(mechanism, table)?;
         let readings = SomePoses::of_table(table, mechanism.channels.len());
         let found = closing(mechanism, &applied, Some(&covariance), readings, scale)?;
         let own = estimates.misclosure.whole();

@@ -316,6 +316,20 @@ pub fn score_of(
     scored
 }
 
+/// Directions of a candidate that the fitted parameters do not absorb.
+pub(crate) fn visible(candidate: &Projected) -> usize {
+    let norm = norms(candidate);
+    let d = norm.len();
+    let square = Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] / (norm[i] * norm[j]));
+    let values = eigenvalues(square.as_ref()).map_or_else(Vec::new, |(values, _)| values);
+    values.into_iter().filter(|value| *value >= VISIBLE).count()
+}
+
+/// Lengths of the columns before the projection: in these units rank is told apart.
+fn norms(candidate: &Projected) -> Vec<f64> {
+    candidate.raw.iter().map(|r| r.max(f64::MIN_POSITIVE).sqrt()).collect()
+}
+
 /// Eq. (72) for one candidate: score, degrees of freedom, probability.
 fn judge_projected(
     observations: &Observations,
@@ -326,8 +340,7 @@ fn judge_projected(
     let d = candidate.gradient.len();
     let info = instance.term.info();
     let typical = targets::typical(&observations.mechanism, instance.term, instance.target);
-    // In units of the columns before the projection, so that rank is told apart.
-    let norm: Vec<f64> = candidate.raw.iter().map(|r| r.max(f64::MIN_POSITIVE).sqrt()).collect();
+    let norm = norms(candidate);
     let held = |i: usize| {
         if info.penalised { (typical[i] * norm[i]).powi(-2) } else { 0.0 }
     };

@@ -153,7 +153,7 @@ impl Judge {
     pub fn of(self, fit: &Fit) -> Self {
         let left = self.left.map(|_| [fit.chi2, fit.dof]);
         let residual = self.residual.map(|_| [fit.total, fit.dof]);
-        Self { residual, left, said: Said { chi2: fit.total, ..self.said }, ..self }
+        Self { residual, left, said: Said { chi2: fit.cost(), ..self.said }, ..self }
     }
 
     /// The judge of what a fit has of this score, as that of the fit without it.

@@ -91,10 +91,11 @@ impl Groups {
         if moves { stretches } else { Self { rows: Vec::new(), order: 1 } }
     }
 
-    /// Rows of the average group.
+    /// Rows of the average group that has any in use.
     #[must_use]
     pub fn usual(&self) -> f64 {
-        self.rows.iter().map(Vec::len).sum::<usize>() as f64 / self.rows.len().max(1) as f64
+        let used = self.rows.iter().filter(|rows| !rows.is_empty()).count();
+        self.rows.iter().map(Vec::len).sum::<usize>() as f64 / used.max(1) as f64
     }
 
     /// Variance of the usual group over that of (61), per degree of freedom: by the median,
@@ -261,7 +262,13 @@ fn lost_product(n: usize, order: usize) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::lasting;
+    use super::{Groups, lasting};
+
+    #[test]
+    fn a_pose_that_is_left_out_makes_the_others_no_smaller() {
+        let groups = Groups { rows: vec![vec![0, 1], vec![], vec![4, 5]], order: 1 };
+        assert_eq!(groups.usual(), 2.0);
+    }
 
     #[test]
     fn rounding_lasts_only_where_readings_stand_still() {
