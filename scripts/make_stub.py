@@ -93,7 +93,7 @@ RETURNS = _by_name(
     {
         "Array": """
             Fit.forward Fit.residuals Placer.place angles_at distances forward jacobian
-            means_of_samples misclosure readings_at rsi_angles rsi_poses within_limits
+            joint_coordinates means_of_samples misclosure readings_at rsi_angles rsi_poses within_limits
         """,
         "Fit": "Session.fit",
         "Mechanism": """
@@ -113,7 +113,7 @@ RETURNS = _by_name(
         """,
         "dict[str, Any] | None": "Fit.wires summed unlabelled",
         "dict[str, list[Any]]": "calibrate_devices",
-        "dict[str, str]": "Session.lacking",
+        "dict[str, str]": "Mechanism.column_units Session.lacking",
         "float": "Channel.gain Channel.offset",
         "float | None": "Channel.noise expects_more rms_misclosure",
         "int": "Mechanism.equations",
@@ -131,7 +131,8 @@ RETURNS = _by_name(
         "list[list[str]]": "units_of",
         "list[str]": """
             Mechanism.distance_columns Mechanism.doubts Mechanism.instrument_columns
-            Mechanism.key_columns Mechanism.law_columns Mechanism.value_columns lasting rules
+            Mechanism.key_columns Mechanism.law_columns Mechanism.optional_columns
+            Mechanism.value_columns lasting rules
         """,
         "list[tuple[int, float, float, float, bool]]": "compared",
         "list[tuple[int, float, tuple[int, float | None] | None]]": "standing_out",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rsicalib
-from rsicalib import DEMO, Mechanism
+from rsicalib import DEMO, InputError, Mechanism
 from tests import cone
 
 FORCE = '\n[[column]]\nname = "force"\nunit = "N"\n'
@@ -43,6 +43,83 @@ def test_a_column_that_no_law_uses_changes_nothing(tmp_path: Path) -> None:
     )
     poses = rsicalib.plan(drawn, poses=12, beside=readings)
     assert len(poses.readings) == 12
+
+
+WIND = """
+[[term]]
+id = "wind"
+class = "load"
+per = "channel"
+correction = "c*force"
+parameters = {c = 0.001}
+"""
+
+
+def test_a_law_whose_column_is_absent_is_no_candidate(tmp_path: Path) -> None:
+    drawn, rest = Mechanism.from_toml(BUILT_IN + FORCE + WIND), DEMO / "rest.csv"
+    plain = rsicalib.trace(DEMO / "readings.csv", rest=rest)
+    found = rsicalib.trace(DEMO / "readings.csv", drawn, rest=rest)
+    assert [step.to_dict() for step in found.steps] == [step.to_dict() for step in plain.steps]
+    assert found.not_candidates["wind"] == "column force, which its law follows"
+    with pytest.raises(InputError, match="wind: the readings have no column force"):
+        rsicalib.calibrate(DEMO / "readings.csv", drawn, rest=rest, terms=["offset", "wind@a22"])
+    # Rows that nobody has read have no force, and need none.
+    wanted = {"limit": "0.1 in", "confidence": 0.9}
+    assert rsicalib.certify(found, drawn, **wanted) == rsicalib.certify(plain, **wanted)
+    sd = rsicalib.workspace(found, drawn, poses=20).sd
+    assert np.array_equal(sd, rsicalib.workspace(plain, poses=20).sd)
+    made = rsicalib.simulate(None, drawn, poses=4, check=2)
+    assert made.readings.columns == {}
+
+
+def test_check_poses_under_a_law_have_its_column() -> None:
+    """A force of some newtons turns joint 2 of an arm at a cone by a milliradian each."""
+    session, rng = cone.session(3, poses=25, samples=2), np.random.default_rng(5)
+    force = np.repeat(rng.uniform(0, 5, 25), 2)
+    read = {**session.table, "force": force, "q2": np.array(session.table["q2"]) - 1e-3 * force}
+    drawn = Mechanism.from_toml(cone.mechanism(2e-5, 0.02) + FORCE + WIND)
+    angles = session.angles + rng.uniform(-0.3, 0.3, session.angles.shape)
+    force = rng.uniform(0, 5, len(angles))
+    values = angles - cone.OFFSETS - 1e-3 * force[:, None] * (np.arange(6) == 1)
+    check = {f"q{k + 1}": values[:, k] for k in range(6)}
+    check |= dict(zip("xyz", cone.tip(angles).T, strict=True)) | {"force": force}
+    terms = ["offset", "wind@q2"]
+    found = rsicalib.calibrate(read, drawn, terms=terms, check=check, align=True)
+    own = found["wind", "q2"]
+    assert own.value is not None and own.sd is not None
+    assert abs(own.value - 1e-3) < 4 * own.sd
+    assert found.fit is not None
+    # Without the forces of these places the ball is 1 mm off: half of 5 mrad at half of 900 mm.
+    assert found.fit.aligned is not None
+    assert found.fit.aligned.position_rms < 0.15
+    without = {name: column for name, column in check.items() if name != "force"}
+    with pytest.raises(InputError, match="no column force"):
+        rsicalib.calibrate(read, drawn, terms=terms, check=without, align=True)
+
+
+def test_a_law_of_other_joints_is_in_corrected_readings(tmp_path: Path) -> None:
+    """Of the other joints of the chain, which no channel has by itself."""
+    own = """
+[[term]]
+id = "own"
+class = "sensor"
+per = "channel"
+correction = "k*sin(theta[1]) + h*cos(theta[2])"
+parameters = {k = 0.003, h = 0.001}
+"""
+    drawn, rest = Mechanism.from_toml(BUILT_IN + own), DEMO / "rest.csv"
+    found = rsicalib.calibrate(
+        DEMO / "readings.csv", drawn, rest=rest, terms=["offset", "gain", "own@a23"]
+    )
+    sizes = [found["own", "a23", name].value for name in ("k", "h")]
+    assert all(abs(size or 0.0) > 1e-5 for size in sizes), "the session tells them apart from zero"
+    made = rsicalib.export_result(found, "csv", drawn, readings=DEMO / "check.csv")
+    for name in ("corrected.csv", "corrected.toml"):
+        (tmp_path / name).write_text(str(made[name]), encoding="utf-8")
+    corrected = rsicalib.forward(tmp_path / "corrected.csv", tmp_path / "corrected.toml")
+    wanted = rsicalib.forward(DEMO / "check.csv", drawn, found)
+    # Arms are weighed by their noise, which a law changes a little.
+    np.testing.assert_allclose(corrected, wanted, atol=5e-5)
 
 
 def test_a_column_stands_beside_an_arm_at_a_cone() -> None:

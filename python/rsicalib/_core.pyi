@@ -132,6 +132,10 @@ class Mechanism:
         """Its sensors, in the order of the columns of readings."""
 
     @property
+    def column_units(self) -> dict[str, str]:
+        """Units of the columns that are declared for laws, by their names."""
+
+    @property
     def distance_columns(self) -> list[str]:
         """Columns of the readings that hold measured distances."""
 
@@ -173,6 +177,10 @@ class Mechanism:
     @property
     def name(self) -> str:
         """What people call it."""
+
+    @property
+    def optional_columns(self) -> list[str]:
+        """Columns of numbers that laws alone follow: readings may lack them."""
 
     @property
     def own_columns(self) -> Any:
@@ -503,6 +511,11 @@ def jacobian(
     closures: Sequence[str] | None = None,
 ) -> Array:
     """Derivatives of the misclosure by offsets and gains, eq. (12): shape (n equations, 2 channels)."""
+
+def joint_coordinates(
+    mechanism: Mechanism, applied: Mapping[str, Any], table: Mapping[str, Any]
+) -> Array:
+    """Coordinates of the joints under a result, row by row of a table [rad, or length units]: shape (n, C)."""
 
 def judged_open_loop(
     poses: int = 0,

@@ -107,6 +107,22 @@ pub fn places<'py>(
     Ok((found.names, matrix(found.values)?, found.sd.map(matrix).transpose()?, found.beyond))
 }
 
+/// Coordinates of the joints under a result, row by row of a table [rad, or length units]: shape (n, C).
+#[pyfunction]
+pub fn joint_coordinates<'py>(
+    py: Python<'py>,
+    mechanism: &PyMechanism,
+    applied: PyApplied,
+    table: PyTable<'_>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (applied, table) = (applied.into(), table.table());
+    let channels = mechanism.0.channels.len();
+    let found =
+        done(py, || rsicalib::apply::coordinates::coordinates(&mechanism.0, &applied, table))?;
+    let rows = found.len() / channels.max(1);
+    PyArray1::from_vec(py, found).reshape([rows, channels])
+}
+
 /// A mechanism under a result, which tells its place reading by reading.
 #[pyclass(name = "Placer", module = "rsicalib._core")]
 pub struct PyPlacer {

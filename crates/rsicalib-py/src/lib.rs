@@ -37,8 +37,8 @@ mod _core {
     #[pymodule_export]
     use super::{
         apply::{
-            calibrated_sensors, check, compared, declared, exported, fixture, judged_open_loop,
-            lasting, places, spec, unit_of_key, units_of,
+            calibrated_sensors, check, compared, declared, exported, fixture, joint_coordinates,
+            judged_open_loop, lasting, places, spec, unit_of_key, units_of,
         },
         design::{
             bound_at, further, guided_done, identifiable, needed_poses, plan, traceable, workspace,

@@ -249,6 +249,19 @@ impl PyMechanism {
         self.0.law_columns()
     }
 
+    /// Units of the columns that are declared for laws, by their names.
+    #[getter]
+    fn column_units(&self) -> HashMap<String, String> {
+        let declared = self.0.columns.iter();
+        declared.filter_map(|column| Some((column.name.clone(), column.unit.clone()?))).collect()
+    }
+
+    /// Columns of numbers that laws alone follow: readings may lack them.
+    #[getter]
+    fn optional_columns(&self) -> Vec<String> {
+        self.0.optional_columns()
+    }
+
     /// For each closure that samples take part in, the columns of its own: where one of them is blank in a row, the closure
     /// does not hold there.
     #[getter]

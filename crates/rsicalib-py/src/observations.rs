@@ -153,7 +153,7 @@ impl PyObservations {
     }
 
     /// Terms that are no candidates here, and what they need: `{id: needs}`.
-    fn lacking(&self) -> HashMap<&'static str, &'static str> {
+    fn lacking(&self) -> HashMap<&'static str, String> {
         rsicalib::diagnosis::lacking(&self.observations).into_iter().collect()
     }
 

@@ -95,7 +95,7 @@ pub enum Error {
         /// Id of the term.
         term: &'static str,
         /// The column or order that is missing.
-        needs: &'static str,
+        needs: String,
     },
     /// A pose that the chains cannot reach.
     #[error("pose {pose} is out of reach: {arm} by {by:.4} {unit} ({why})")]

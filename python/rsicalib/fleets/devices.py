@@ -309,7 +309,7 @@ class _Read:
             "temperature": self._optional("temperature_c", rows),
             "session": None,
             "keys": [self._texts(name, rows) for name in self.mechanism.key_columns],
-            "columns": [self.cells[name][rows].tolist() for name in self.mechanism.value_columns],
+            "columns": [self._numbers(name, rows) for name in self.mechanism.value_columns],
             "used": None if used is None else np.flatnonzero(used).tolist(),
         }
         if refused is None and not len(values[own]):
@@ -319,6 +319,13 @@ class _Read:
 
     def _optional(self, name: str, rows: Any) -> FloatArray | None:
         return self.cells[name][rows] if name in self.cells else None
+
+    def _numbers(self, name: str, rows: Any) -> list[float]:
+        """Cells of a column; NaN where it was not read."""
+        cells = self.cells.get(name)
+        absent = np.full(len(self.labels), np.nan)
+        found: list[float] = (absent if cells is None else cells)[rows].tolist()
+        return found
 
     def _texts(self, name: str, rows: Any) -> list[str]:
         cells = self.columns[name]

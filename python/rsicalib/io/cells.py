@@ -68,7 +68,11 @@ class MechanismLike(Protocol):
 
     @property
     def value_columns(self) -> Sequence[str]:
-        """Columns of numbers that its closures, points and laws need."""
+        """Columns of numbers that its closures, points and laws use."""
+
+    @property
+    def optional_columns(self) -> Sequence[str]:
+        """Those of them that laws alone follow: without one of them these are no candidates."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +112,7 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
             raise refuse(name, found, "one column of this name")
         index.setdefault(name, position)
     for name in needed:
-        if name not in index:
+        if name not in index and name not in mechanism.optional_columns:
             expected = f"a column '{name}' ({_role(name, mechanism)})"
             hint = _header_hint(name, table.names, used, mechanism)
             hint += _by_import(name, table, mechanism)

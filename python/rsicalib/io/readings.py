@@ -343,7 +343,7 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
             for name in index
             if name in {*mechanism.key_columns, *TEXTS} and name not in cells
         },
-        columns={name: column(name) for name in mechanism.value_columns},
+        columns={name: column(name) for name in mechanism.value_columns if name in cells},
         lines=frozen(table.lines[keep]),
         source=table.source,
         sha256=table.sha256,

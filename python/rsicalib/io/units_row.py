@@ -92,6 +92,7 @@ def _others(mechanism: MechanismLike) -> dict[str, str]:
         "temperature_c": "°C",
         **poses,
         **dict.fromkeys(mechanism.value_columns, length),
+        **getattr(mechanism, "column_units", {}),
     }
 
 

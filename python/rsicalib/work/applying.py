@@ -26,7 +26,7 @@ def as_table(
 
     With `bare` the channels alone, and what laws use where it was read.
     """
-    taken = [r.taken for r in readings]
+    taken: list[Any] = [r.taken for r in readings]
     labels = [r.labels for r in taken]
     if len({own is None for own in labels}) > 1:
         held = next(r.source for r in readings if r.labels is not None)
@@ -41,6 +41,11 @@ def as_table(
         if any(c is None for c in columns):
             return None
         return np.concatenate(columns) if several else columns[0]  # a recording may be large
+
+    def column(read: Any, name: str) -> FloatArray:
+        """Numbers of a column; NaN where it was not read."""
+        found: FloatArray = read.columns.get(name, np.full(len(read), np.nan))
+        return found
 
     sizes = [len(r) for r in taken]
     keys, columns = mechanism.key_columns, mechanism.value_columns
@@ -58,7 +63,7 @@ def as_table(
         "temperature": together([r.temperature_c for r in taken]),
         "session": np.repeat(range(len(readings)), sizes).tolist() if several else None,
         "keys": [[t for r in taken for t in r.keys[name]] for name in keys],
-        "columns": [together([r.columns[name] for r in taken]).tolist() for name in columns],
+        "columns": [together([column(r, name) for r in taken]).tolist() for name in columns],
         "used": np.concatenate(used).tolist() if some else None,
     }
 
@@ -67,7 +72,10 @@ def _of_open_chains(readings: Readings, mechanism: Mechanism) -> dict[str, Any]:
     """Readings of which only the channels count: what closures touch and measure is nothing."""
     n = len(readings.taken)
     keys = [["-"] * n for _ in mechanism.key_columns]  # a blank would say that nothing is touched
-    columns = [[1.0] * n for _ in mechanism.value_columns]
+    laws = {*mechanism.law_columns}
+    told = {**dict.fromkeys(laws, np.full(n, np.nan)), **readings.taken.columns}
+    ones = np.ones(n)
+    columns = [told[c].tolist() if c in laws else ones.tolist() for c in mechanism.value_columns]
     return as_table([readings], mechanism, bare=True) | {"keys": keys, "columns": columns}
 
 

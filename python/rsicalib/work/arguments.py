@@ -136,18 +136,19 @@ def _with_laws(mechanism: Mechanism, result: Result) -> Mechanism:
 
 
 class Bare:
-    """A mechanism of which only the channels count: to read a rest pose, or to apply a result.
+    """A mechanism of which the channels count: to read a rest pose, or to apply a result.
 
-    With `laws` the columns that laws and drives use count, too.
+    What laws and drives use counts where it is there.
     """
 
-    def __init__(self, mechanism: Mechanism, *, laws: bool = False) -> None:
+    def __init__(self, mechanism: Mechanism) -> None:
         self.whole = mechanism
         self.name = mechanism.name
         self.channels = mechanism.channels
         self.key_columns: list[str] = []
         self.distance_columns: list[str] = []
-        self.value_columns: list[str] = mechanism.law_columns if laws else []
+        self.value_columns: list[str] = mechanism.law_columns
+        self.optional_columns: list[str] = mechanism.law_columns
         self.own_columns: list[list[str]] = []
 
 

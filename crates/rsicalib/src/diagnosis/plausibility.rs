@@ -11,7 +11,7 @@ use crate::estimate::search::ratios;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::{Mechanism, Target, Value};
 use crate::model::Instance;
-use crate::terms::targets::typical;
+use crate::terms::targets::{longest, typical};
 use crate::terms::term::{Over, Role};
 
 /// Largest share of a channel's range, or of its limits, that noise may be.
@@ -144,6 +144,12 @@ fn smallest_measured(observations: &Observations, fit: &Fit) -> f64 {
 fn oversized(fit: &Fit, mechanism: &Mechanism, instance: &Instance) -> Option<Absurdity> {
     // A compliance has no size of its own, since what it does depends on the torque; nor has a delay.
     if instance.term.is_load() || instance.term.is_late() {
+        return None;
+    }
+    // Where no length is drawn nothing says what is large of one.
+    let of_lengths = mechanism.slides_at(instance.target)
+        || instance.term.info().parameters.iter().any(|p| p.unit.starts_with("length"));
+    if of_lengths && longest(mechanism).is_none() {
         return None;
     }
     let at = fit.model.instances.iter().position(|i| i == instance)?;

@@ -165,6 +165,14 @@ impl Mechanism {
         each_once(measured.iter().chain(heights).chain(&points).chain(declared).chain(torques))
     }
 
+    /// Columns of numbers that laws alone follow: a table that has not one of them says nothing of these laws.
+    #[must_use]
+    pub fn optional_columns(&self) -> Vec<String> {
+        let used = Self { columns: Vec::new(), ..self.clone() }.value_columns();
+        let declared = self.columns.iter().map(|column| &column.name);
+        declared.filter(|name| !used.contains(name)).cloned().collect()
+    }
+
     /// True where the mechanism says of drives what an open chain does not: which joints have none, or
     /// what one does.
     pub(crate) fn tells_of_drives(&self) -> bool {

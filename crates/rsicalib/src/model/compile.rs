@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::Error;
 use crate::kinematics::elements::{Element, Source, Way, Weight, push_rigid};
-use crate::mechanism::{Closure, Mechanism, Target, Value, Variable};
+use crate::mechanism::{Closure, Mechanism, Target, Value};
 use crate::model::compiled::{
     Added, CompiledClosure, Gate, Gating, LoadAt, Model, ShapeAt, TermAt,
 };
@@ -16,8 +16,8 @@ use crate::model::numbering::{Owned, Unknown, number_unknowns};
 use crate::model::specification::check_names;
 use crate::model::thing::Thing;
 use crate::numerics::lanes::Lanes;
-use crate::readings::{Readings, is_absent};
-use crate::terms::targets::provided;
+use crate::readings::Readings;
+use crate::terms::targets::{column_there, provided};
 use crate::terms::term::{Acts, Needs, Placed, Scale, Spot};
 
 /// The channels at the target of an instance that its term suits.
@@ -246,8 +246,10 @@ impl Model {
             measured_links: Vec::new(),
             knocks: Vec::new(),
         };
+        for instance in &model.instances {
+            column_there(instance.term, mechanism, readings)?;
+        }
         model.compile_terms(readings);
-        model.refuse_absent(readings)?;
         model.measure_links(readings);
         model.compile_chains()?;
         model.compile_closures(readings)?;
@@ -322,25 +324,6 @@ impl Model {
         for law in &mut self.laws {
             self.amounts += law.number(channels + self.amounts);
         }
-    }
-
-    /// Refuses laws of columns that these readings lack.
-    fn refuse_absent(&self, readings: &Readings) -> Result<(), Error> {
-        let names = self.mechanism.value_columns();
-        let known = |name: &str| {
-            let own = names.iter().zip(&readings.table.columns).find(|(own, _)| *own == name);
-            own.is_some_and(|(_, column)| !is_absent(column))
-        };
-        for instance in &self.instances {
-            let Acts::Coupled(law) = instance.term.acts() else { continue };
-            let lacks =
-                |variable: &Variable| matches!(variable, Variable::Column(name) if !known(name));
-            if law.variables.iter().any(lacks) {
-                let needs = "column that its law follows";
-                return Err(Error::Context { term: instance.term.info().id, needs });
-            }
-        }
-        Ok(())
     }
 
     /// Sorts what moves points on the chains and the bodies that carry them, and tells those of bodies.
@@ -630,7 +613,7 @@ impl Model {
         let Some(drives) = &self.drives else { return Ok(()) };
         let hidden = |i: &&Instance| drives.hide(&self.mechanism, i.term, i.target);
         match self.instances.iter().find(hidden) {
-            Some(i) => Err(Error::Context { term: i.term.info().id, needs: SHARES }),
+            Some(i) => Err(Error::Context { term: i.term.info().id, needs: SHARES.into() }),
             None => Ok(()),
         }
     }

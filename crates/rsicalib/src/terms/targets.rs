@@ -1,8 +1,8 @@
 //! Targets of a term, the data that a term needs, and the typical sizes of its parameters.
 
 use crate::Error;
-use crate::mechanism::{Mechanism, PlaceName, Target, place_name};
-use crate::readings::Readings;
+use crate::mechanism::{Chain, Mechanism, Motion, PlaceName, Row, Target, Variable, place_name};
+use crate::readings::{Readings, is_absent};
 use crate::terms::term::{Acts, Class, Needs, Per, Placed, Role, Spot, Term};
 
 /// Every target that a term may have in a mechanism.
@@ -17,6 +17,7 @@ pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
         Per::Channel => (0..mechanism.channels.len())
             .filter(|&c| term.suits(mechanism, c))
             .filter(|&c| term.info().needs != Needs::Masses || carries_mass(mechanism, c))
+            .filter(|&c| !weighs(term) || is_pulled(mechanism, c))
             // A term that has no places with two poses has none at this channel.
             .filter(|&c| !term.places(mechanism, c, 2).is_empty())
             .map(Target::Channel)
@@ -119,9 +120,10 @@ pub fn shared(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
             other && !term.moves_only(&[Spot::Base]) && carry_alike(mechanism, *first)
         }
         // A gear, or a pulley, that is another than the drawn one is so at all of them.
-        (Target::EachJoint(..), Per::Channel) => {
+        (Target::EachJoint(first, _), Per::Channel) => {
             let own = other || term.role() == Role::Gain;
-            own && (info.class == Class::Load || mechanism.one_make(*target))
+            let alike = carry_alike(mechanism, *first) && mechanism.one_make(*target);
+            own && (info.class == Class::Load || alike)
         }
         // Belts of one make may all begin elsewhere, or all stretch.
         (Target::Together(_), Per::Channel) => mechanism.one_make(*target),
@@ -131,7 +133,8 @@ pub fn shared(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
     let mut all: Vec<Target> =
         mechanism.shared_targets().into_iter().filter(|t| fits(t) && there(t)).collect();
     for target in term.shared_by(mechanism) {
-        if there(&target) && !all.contains(&target) {
+        let parts = mechanism.parts(target);
+        if there(&target) && all.iter().all(|other| mechanism.parts(*other) != parts) {
             all.push(target);
         }
     }
@@ -152,11 +155,48 @@ fn carry_alike(mechanism: &Mechanism, first: usize) -> bool {
     carried.all(|points| Some(points) == first)
 }
 
-/// What a gain of a channel without a joint is to be multiplied by: three parts in a thousand are
-/// typical of a length, three per cent of anything else.
+/// The longest length that is drawn: of links and tools, or, without links, of what lies between the points. None where
+/// all are zero, as of a machine of slides alone.
+pub(crate) fn longest(mechanism: &Mechanism) -> Option<f64> {
+    let rows = mechanism.chains.iter().flat_map(|c| &c.rows);
+    let of_rows = rows.flat_map(|r| [r.a, r.d, r.xyz[0], r.xyz[1], r.xyz[2]]);
+    let linked = !mechanism.chains.is_empty();
+    let points = mechanism.points.iter().filter(|p| p.chain.is_some() || !linked);
+    let lengths = of_rows.chain(points.filter_map(|p| p.at).flatten());
+    lengths.map(f64::abs).reduce(f64::max).filter(|longest| *longest > 0.0)
+}
+
+/// True for a channel whose readings are numbers of a converter, and no angles or lengths.
+fn counts(mechanism: &Mechanism, channel: usize) -> bool {
+    mechanism
+        .channels
+        .get(channel)
+        .is_some_and(|c| !["rad", "deg", &mechanism.length_unit].contains(&&*c.unit))
+}
+
+/// What a gain of a channel that reads angles or lengths, or is on no joint, is to be multiplied by: three parts in a
+/// thousand are typical of a length, three per cent of anything else.
 fn own_gain(mechanism: &Mechanism, channel: usize) -> f64 {
-    let parts = if mechanism.measures(channel) { 100.0 } else { 1000.0 };
+    let length = mechanism.measures(channel) || mechanism.slides(channel);
+    let parts = if length { 100.0 } else { 1000.0 };
     mechanism.channels.get(channel).map_or(1.0, |c| parts * c.gain.abs())
+}
+
+/// True for what a weight does.
+fn weighs(term: &dyn Term) -> bool {
+    matches!(term.info().needs, Needs::Gravity | Needs::Masses)
+}
+
+/// True for a joint that a weight pulls more in one pose than in another: not what measures a length without a joint, nor
+/// a slide that stands the same way in all poses, on which a weight is an offset.
+fn is_pulled(mechanism: &Mechanism, channel: usize) -> bool {
+    let own = &mechanism.channels[channel];
+    let turns = |row: &Row| row.channel.is_some() && row.joint == Motion::Revolute;
+    let at = |chain: &Chain| {
+        let joint = chain.rows.iter().position(|r| r.channel.as_ref() == Some(&own.name));
+        joint.is_some_and(|j| chain.rows[..=j].iter().any(turns))
+    };
+    own.torque.is_some() || mechanism.chains.iter().any(at)
 }
 
 /// True for a joint whose torque by the weights of links is known.
@@ -192,14 +232,44 @@ pub fn provided(term: &dyn Term, mechanism: &Mechanism, readings: &Readings) -> 
         Needs::Gravity => mechanism.gravity.is_some(),
         Needs::Masses => (mechanism.gravity.is_some() && masses()) || torques(),
     };
-    let lacks = |needs| Err(Error::Context { term: info.id, needs });
+    let lacks = |needs: &str| Err(Error::Context { term: info.id, needs: needs.into() });
     // Masses that are drawn want a direction in which they weigh.
     if info.needs == Needs::Masses && masses() && !torques() && !there(Needs::Gravity) {
         return lacks(Needs::Gravity.words());
     }
+    column_there(term, mechanism, readings)?;
     match term.needs().into_iter().find(|needs| !there(*needs)) {
         Some(missing) => lacks(missing.words()),
         None if info.per == Per::All && targets(term, mechanism).is_empty() => lacks(CONVERTER),
+        None => Ok(()),
+    }
+}
+
+/// Refuses a law of a column of which no row knows anything.
+///
+/// # Errors
+///
+/// [`Error::Context`] with its name.
+pub(crate) fn column_there(
+    term: &dyn Term,
+    mechanism: &Mechanism,
+    readings: &Readings,
+) -> Result<(), Error> {
+    let Acts::Coupled(law) = term.acts() else { return Ok(()) };
+    let names = mechanism.value_columns();
+    let known = |name: &str| {
+        let own = names.iter().zip(&readings.table.columns).find(|(own, _)| *own == name);
+        own.is_some_and(|(_, column)| !is_absent(column))
+    };
+    let absent = law.variables.iter().find_map(|variable| match variable {
+        Variable::Column(name) if !known(name) => Some(name),
+        _ => None,
+    });
+    match absent {
+        Some(name) => {
+            let needs = format!("column {name}, which its law follows");
+            Err(Error::Context { term: term.info().id, needs })
+        }
         None => Ok(()),
     }
 }
@@ -222,7 +292,7 @@ pub fn searchable(
     let info = term.info();
     let once = term.placed() == Placed::AtPose && info.class != Class::Data;
     match once && !readings.ordered {
-        true => Err(Error::Context { term: info.id, needs: ORDER }),
+        true => Err(Error::Context { term: info.id, needs: ORDER.into() }),
         false => Ok(()),
     }
 }
@@ -236,15 +306,8 @@ pub fn typical(mechanism: &Mechanism, term: &dyn Term, target: Target) -> Vec<f6
     if term.info().law {
         return term.info().parameters.iter().map(|p| p.typical).collect();
     }
+    let longest = longest(mechanism).unwrap_or(1.0);
     let rows = || mechanism.chains.iter().flat_map(|c| &c.rows);
-    let at = mechanism.points.iter().filter(|p| p.chain.is_some()).filter_map(|p| p.at);
-    let lengths = rows().flat_map(|r| [r.a, r.d, r.xyz[0], r.xyz[1], r.xyz[2]]).chain(at.flatten());
-    let longest = match mechanism.chains.is_empty() {
-        // Without links, by what lies between the points.
-        true => mechanism.points.iter().filter_map(|p| p.at).flatten().collect::<Vec<_>>(),
-        false => lengths.collect(),
-    };
-    let longest = longest.into_iter().fold(f64::MIN_POSITIVE, |m, l| m.max(l.abs()));
     // Where no link has a mass, a torque is that of a unit weight.
     let mass = rows().filter_map(|r| r.mass).reduce(|a, b| a + b).unwrap_or(1.0);
     let slides = mechanism.slides_at(target);
@@ -261,7 +324,9 @@ pub fn typical(mechanism: &Mechanism, term: &dyn Term, target: Target) -> Vec<f6
         "length" | "length/K" => longest,
         // A typical gain is declared of the counts of a potentiometer: two per cent of its own.
         "rad/reading" => match target {
-            Target::Channel(c) if !mechanism.moves_joint(c) => own_gain(mechanism, c),
+            Target::Channel(c) if !mechanism.moves_joint(c) || !counts(mechanism, c) => {
+                own_gain(mechanism, c)
+            }
             Target::Together(_) => {
                 let channels = mechanism.channels_at(target);
                 channels.first().map_or(1.0, |c| own_gain(mechanism, *c))

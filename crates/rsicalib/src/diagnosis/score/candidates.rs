@@ -8,7 +8,7 @@ use crate::mechanism::{Mechanism, Target};
 use crate::model::{Instance, Model, SHARES, places};
 use crate::terms;
 use crate::terms::targets::{provided, searchable, shared, targets, targets_in};
-use crate::terms::term::{Acts, Needs, Per, Placed, Role, Spot, Term};
+use crate::terms::term::{Acts, Needs, Over, Per, Placed, Role, Spot, Term};
 
 /// Named and free candidates of a search: what [`absent`] has, and the equations that the fit leaves
 /// can determine.
@@ -57,14 +57,14 @@ pub fn absent(observations: &Observations, fit: &Fit, without: &[String]) -> Vec
 /// Terms that are no candidates of a session, and what they need, [`Error::Context`]. What acts in motion alone
 /// does nothing to held poses, and a reference nothing to encoders: these are not lacking there.
 #[must_use]
-pub fn lacking(observations: &Observations) -> Vec<(&'static str, &'static str)> {
+pub fn lacking(observations: &Observations) -> Vec<(&'static str, String)> {
     let (mechanism, readings) = (&observations.mechanism, &observations.readings);
     let hidden = hidden(observations);
     let lacks = |term: &&'static dyn Term| match searchable(*term, mechanism, readings) {
         Err(Error::Context { term, needs }) => Some((term, needs)),
         _ => {
             let some = targets(*term, mechanism).iter().any(|target| hidden(*term, *target));
-            some.then_some((term.info().id, SHARES))
+            some.then_some((term.info().id, SHARES.into()))
         }
     };
     let acts = |term: &&&'static dyn Term| {
@@ -73,6 +73,26 @@ pub fn lacking(observations: &Observations) -> Vec<(&'static str, &'static str)>
         !still && !nowhere
     };
     terms::all(mechanism).iter().filter(acts).filter_map(lacks).collect()
+}
+
+/// Through so many places a line may not go: at fewer a law of the reading is of its noise.
+const LINE: usize = 3;
+
+/// Standard deviations of a reading within which readings are of one place: all of a session but one in 10⁸.
+pub(crate) const ONE_PLACE: f64 = 6.0;
+
+/// Places at which a channel has been read, apart by more than its noise, up to [`LINE`].
+fn places_apart(observations: &Observations, fit: &Fit, channel: usize) -> usize {
+    let Observations { readings, weights, .. } = observations;
+    let near = ONE_PLACE * fit.noise.sigma[channel];
+    let mut known: Vec<f64> = Vec::with_capacity(LINE);
+    for row in (0..readings.samples).filter(|&row| weights[row] > 0.0) {
+        let read = readings.row(row)[channel];
+        if known.len() < LINE && known.iter().all(|other| (read - other).abs() > near) {
+            known.push(read);
+        }
+    }
+    known.len()
 }
 
 /// Whether nothing tells the torque on which a term depends at a target. The torques are computed for
@@ -119,6 +139,12 @@ fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: T
         return !parts.iter().all(its) && parts.iter().all(each);
     }
     if has_free_shape(fit, term, target) {
+        return false;
+    }
+    let of_reading = term.over() == Some(Over::Reading) && term.role() == Role::Other;
+    if let (true, Target::Channel(channel)) = (of_reading, target)
+        && places_apart(observations, fit, channel) < LINE
+    {
         return false;
     }
     // All chains of one are that chain.

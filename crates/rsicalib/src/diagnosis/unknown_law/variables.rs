@@ -1,6 +1,7 @@
 //! The variables of a session on which an error may depend.
 
 use crate::Error;
+use crate::diagnosis::score::candidates::ONE_PLACE;
 use crate::estimate::Observations;
 use crate::estimate::at_fit::AtFit;
 use crate::model::Model;
@@ -110,13 +111,19 @@ const SAME: f64 = 1e-6;
 impl Variable {
     /// Of these values, with polynomials of it; none where they do not change.
     pub fn of(quantity: Quantity, values: Vec<f64>) -> Option<Self> {
-        let values = scaled(values)?;
+        Self::apart(quantity, values, 0.0)
+    }
+
+    /// The same of values that noise makes differ by so much.
+    pub fn apart(quantity: Quantity, values: Vec<f64>, noise: f64) -> Option<Self> {
+        let (values, half) = scaled(values)?;
+        let same = SAME.max(noise / half);
         let polynomials: Vec<Vec<f64>> = values.iter().map(|&x| legendre(x, degree())).collect();
         let one = |degree: usize| {
             let values = polynomials.iter().map(|p| p[degree]).collect();
             Function { degree, values }
         };
-        let functions: Vec<Function> = (1..=different(&values, degree())).map(one).collect();
+        let functions: Vec<Function> = (1..=different(&values, degree(), same)).map(one).collect();
         (!functions.is_empty()).then_some(Self { quantity, values, functions })
     }
 
@@ -124,7 +131,9 @@ impl Variable {
     pub fn of_plays(quantity: Quantity, plays: Vec<Vec<f64>>) -> Option<Self> {
         let mut functions: Vec<Function> = Vec::with_capacity(plays.len());
         for values in plays {
-            if different(&values, 1) > 0 && !functions.iter().any(|f| same(&f.values, &values)) {
+            if different(&values, 1, SAME) > 0
+                && !functions.iter().any(|f| same(&f.values, &values))
+            {
                 functions.push(Function { degree: 1, values });
             }
         }
@@ -164,8 +173,11 @@ pub fn variables(at: &AtFit, rows: &[usize]) -> Result<Vec<Variable>, Error> {
     let thetas: Vec<Vec<f64>> =
         (0..readings.channels).map(|c| in_lane(&|block, lane| settled(block)[c].0[lane])).collect();
     let time = in_lane(&|block, lane| readings.blocks()[block].time.0[lane]);
+    let noise = |c: usize| {
+        ONE_PLACE * at.fit.noise.sigma[c] * observations.mechanism.channels[c].gain.abs()
+    };
     for (c, theta) in thetas.iter().enumerate() {
-        add(Variable::of(Quantity::Theta(c), theta.clone()));
+        add(Variable::apart(Quantity::Theta(c), theta.clone(), noise(c)));
     }
     add(Variable::of(Quantity::Time, time.clone()));
     if readings.tempered {
@@ -178,7 +190,8 @@ pub fn variables(at: &AtFit, rows: &[usize]) -> Result<Vec<Variable>, Error> {
     let still = standstills(&observations.mechanism.channels);
     let moves = readings.moves();
     for (c, theta) in thetas.iter().enumerate().filter(|(_, theta)| finite(theta)) {
-        let way = Way { readings: theta, begins: &begins, still: still[c] };
+        // Of a channel that stands still its noise goes a way, too.
+        let way = Way { readings: theta, begins: &begins, still: still[c].max(noise(c)) };
         add(Variable::of(Quantity::Torque(c), in_lane(&|block, lane| torque(block, lane, c))));
         add(Variable::of(Quantity::Travelled(c), way.travelled()));
         let side = |block: usize, lane: usize| readings.approach(block)[c].0[lane];
@@ -205,24 +218,24 @@ fn finite(values: &[f64]) -> bool {
     values.iter().all(|v| v.is_finite())
 }
 
-/// From -1 to 1; none where it does not change, or is not finite.
-fn scaled(values: Vec<f64>) -> Option<Vec<f64>> {
+/// From -1 to 1, and half of the range; none where it does not change, or is not finite.
+fn scaled(values: Vec<f64>) -> Option<(Vec<f64>, f64)> {
     let low = values.iter().copied().fold(f64::INFINITY, f64::min);
     let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
     let changes = finite(&values) && half > SAME * middle.abs().max(SAME);
-    changes.then(|| values.into_iter().map(|v| (v - middle) / half).collect())
+    changes.then(|| (values.into_iter().map(|v| (v - middle) / half).collect(), half))
 }
 
-/// How many different values a variable has beside its first, up to `most`: so many polynomials of
-/// it are different.
-fn different(values: &[f64], most: usize) -> usize {
+/// How many values that differ by more than `same` a variable has beside its first, up to `most`: so many polynomials
+/// of it are different.
+fn different(values: &[f64], most: usize, same: f64) -> usize {
     let mut known: Vec<f64> = Vec::with_capacity(most + 1);
     for &value in values {
         if known.len() > most {
             break;
         }
-        if known.iter().all(|other| (value - other).abs() > SAME) {
+        if known.iter().all(|other| (value - other).abs() > same) {
             known.push(value);
         }
     }
