@@ -5,6 +5,7 @@ The witness is the machine itself, drawn and simulated in radians by `tests/fami
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace
@@ -75,6 +76,23 @@ def test_a_mechanism_in_degrees_is_the_one_in_radians() -> None:
     for one, other in zip(plain.parameters, degrees.parameters, strict=True):
         if one.term == "offset":  # of the joint, in radians in every result
             assert other.value == pytest.approx(one.value, abs=1e-9) and other.unit == "rad"
+
+
+def test_what_is_exported_of_channels_in_degrees_is_in_radians() -> None:
+    plain = read(changed(lambda _: None))[1].to_dict()["channel"]
+    readings, mechanism = read(changed(in_degrees), 180 / np.pi)
+    found = rsicalib.calibrate(readings, mechanism)
+    assert found.noise is not None
+    files = rsicalib.export_result(found, "csv", mechanism, readings=readings)
+    corrected = tomllib.loads(str(files["corrected.toml"]))["channel"]
+    model = str(rsicalib.export_result(found, "mjcf", mechanism)["calibrated.xml"])
+    ranges = [[float(end) for end in text.split()] for text in re.findall('range="(.*?)"', model)]
+    for channel, drawn in zip(corrected, plain, strict=True):
+        assert channel["unit"] == "rad"
+        assert channel["limits"] == pytest.approx(drawn["limits"], rel=1e-12)
+        noise = np.radians(found.noise.sigma[channel["name"]])
+        assert channel["noise"] == pytest.approx(noise, rel=1e-9)
+        assert any(span == pytest.approx(drawn["limits"], rel=1e-12) for span in ranges)
 
 
 def test_a_pair_of_arms_in_degrees_is_the_one_in_radians() -> None:

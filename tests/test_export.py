@@ -16,7 +16,7 @@ from rsicalib import DEMO, Calibration, _core
 from rsicalib.io.mechanisms import read_mechanism
 from rsicalib.verbs import export
 from rsicalib.work.job import Work
-from tests import commands, oracle
+from tests import commands, cone, oracle
 from tests.full import sized
 
 # Readings that are drawn at will close no loop, and `forward` says so.
@@ -214,6 +214,21 @@ OF_A_SESSION = (
     ("unknown_point", "socket[at=1]", None, "x", 3.0),
 )
 """Parameters that say nothing of any readings but those that they were found with."""
+
+
+def test_what_stood_at_one_unknown_place_stands_where_it_was_found() -> None:
+    """The cone of an arm, drawn elsewhere: the anchors of a sled are such points, too."""
+    text = cone.mechanism(2e-5, 0.02).replace(
+        'unknown = ["at"]', "at = [-400, -190, 100]\nunknown = []"
+    )
+    drawn = rsicalib.Mechanism.from_toml(text)
+    found = rsicalib.calibrate(cone.session(3, poses=25, samples=2).table, drawn)
+    made = rsicalib.Mechanism.from_toml(rsicalib.export_toml(drawn, found)).to_dict()
+    (place,) = (point["at"] for point in made["point"] if point["name"] == "cone")
+    wanted = [found["unknown_point", "cone", axis].value for axis in "xyz"]
+    assert place == pytest.approx(wanted, abs=1e-9)
+    # Joint 1 turns arm and cone together, and stays as drawn: the cone is where it is but for that.
+    assert np.linalg.norm(place) == pytest.approx(np.linalg.norm(cone.CONE), abs=0.5)
 
 
 @pytest.mark.parametrize("more", OF_A_SESSION, ids=lambda m: m[0])

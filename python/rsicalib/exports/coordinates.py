@@ -1,14 +1,10 @@
-"""Joint coordinates under a calibration: what its sensors say, each by itself.
-
-The core composes electronics and sensors; here every channel gets a joint of its own: a slide,
-which carries a point to where the coordinate is, or a turn, whose point says the angle.
-"""
+"""Joint coordinates under a calibration: what its sensors say, each by itself."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
-import numpy as np
+import math
+from collections.abc import Collection, Mapping
+from typing import Any
 
 from rsicalib import _core
 from rsicalib._core import Mechanism
@@ -50,21 +46,14 @@ def coordinates(
     ndarray, shape (n, C)
         In rad, or the length unit of a slide.
     """
-    bare = _joints(mechanism)
     applied = as_applied(result, mechanism, own=own)
     kinds = {
         term["id"]: term["class"] for term in _core.terms(mechanism) if term["id"] not in without
     }
     applied["parameters"] = [p for p in applied["parameters"] if kinds.get(p[0][0]) in SENSORS]
-    _, values, _, _ = _core.places(bare, applied, as_table([readings], bare, bare=True), None)
-    places = values.reshape(len(readings), -1, 3)
-    sensors = _core.calibrated_sensors(mechanism, applied)
-    near = np.array([(c.gain, c.offset) for c in sensors.channels])
-    linear = readings.values * near[:, 0] + near[:, 1]  # tells the turn that an angle is in
-    angles = np.arctan2(places[:, :, 1], places[:, :, 0])
-    angles += 2 * np.pi * np.round((linear - angles) / (2 * np.pi))
-    found: FloatArray = np.where([*_turning(mechanism).values()], angles, places[:, :, 2])
-    return found
+    carried = any("chain" in point for point in mechanism.to_dict().get("point", ()))
+    table = as_table([readings], mechanism, bare=carried)
+    return _core.joint_coordinates(mechanism, applied, table)
 
 
 def not_told(readings: Readings, mechanism: Mechanism) -> set[str]:
@@ -87,6 +76,7 @@ def _joints(mechanism: Mechanism) -> Mechanism:
     closures = [{"name": n, "kind": "touch", "between": [n, "origin"]} for n in names]
     whole = {"name": document["name"], "length_unit": document["length_unit"]}
     whole |= {"channel": document["channel"], "chain": joints, "point": points, "closure": closures}
+    whole |= {key: document[key] for key in ("column", "gravity") if key in document}
     return Mechanism.from_dict(whole).with_terms(mechanism.terms)
 
 
@@ -111,6 +101,14 @@ def without_place(mechanism: Mechanism, result: Result, notes: Collection[Noted]
     said = {(note.term, note.target) for note in notes}
     left = [p for p in result.parameters if p.term in effects]
     return list(dict.fromkeys(p.spec for p in left if (p.term, p.target) not in said))
+
+
+def factor_of(channel: Mapping[str, Any]) -> float:
+    """Factor from a coordinate of a channel, as its file has it, to that of its joint.
+
+    In a file all of a channel that reads degrees is in degrees.
+    """
+    return math.pi / 180.0 if channel["unit"] == "deg" else 1.0
 
 
 def unit_of(mechanism: Mechanism) -> dict[str, str]:

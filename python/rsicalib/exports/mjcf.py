@@ -13,7 +13,7 @@ import numpy as np
 
 from rsicalib.errors import InputError
 from rsicalib.exports.ask import Ask
-from rsicalib.exports.coordinates import unit_of
+from rsicalib.exports.coordinates import factor_of, unit_of
 from rsicalib.io.rigid import Matrix, rigid, rotation, row_motion
 
 
@@ -111,8 +111,9 @@ class _Writer:
         if channel not in self.joints and ratio == 1.0:
             self.joints.add(channel)
             self.sensors.append(f"    <jointpos joint={quoteattr(channel)}/>\n")
-            limits = self.channels[channel].get("limits")
-            span = "" if limits is None else f' range="{limits[0]!r} {limits[1]!r}"'
+            limits, factor = self.channels[channel].get("limits"), factor_of(self.channels[channel])
+            ends = " ".join(repr(end * factor) for end in limits or ())
+            span = f' range="{ends}"' if ends else ""
             return f'<joint name={quoteattr(channel)} type="{kind}" axis="0 0 1"{span}/>'
         own, other = quoteattr(f"{place} follows"), quoteattr(channel)
         poly = f"0 {ratio!r} 0 0 0"

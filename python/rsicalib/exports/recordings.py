@@ -11,7 +11,7 @@ import numpy as np
 
 from rsicalib.arrays import FloatArray
 from rsicalib.exports.ask import Ask
-from rsicalib.exports.coordinates import coordinates, sensor_terms, unit_of
+from rsicalib.exports.coordinates import coordinates, factor_of, sensor_terms, unit_of
 from rsicalib.io.extras import needed
 from rsicalib.io.readings import Readings
 from rsicalib.work.closing import warn_of_open_loops
@@ -40,7 +40,9 @@ def _as_read(ask: Ask) -> str:
     document = mechanism.to_dict()
     for channel in document["channel"]:
         noise = ask.result.noise.sigma[channel["name"]] if ask.result.noise else None
-        noise = None if noise is None else noise * abs(channel["gain"])
+        factor, limits = factor_of(channel), channel.get("limits")
+        noise = None if noise is None else noise * abs(channel["gain"]) * factor
+        channel["limits"] = None if limits is None else [end * factor for end in limits]
         channel |= {"unit": units[channel["name"]], "gain": 1.0, "offset": 0.0}
         channel |= {"range": None, "noise": noise}
     cleared = {**document, "channel": [_without_none(c) for c in document["channel"]]}

@@ -19,7 +19,7 @@ use crate::Error;
 use crate::apply::earlier::{Applied, outlasts, parameter_index};
 use crate::kinematics::elements::{Axis, Way};
 use crate::mechanism::{Chain, Mechanism, Row, Target, Value};
-use crate::model::{Spec, is_unknown_thing};
+use crate::model::{Spec, UNKNOWN_THINGS, is_unknown_thing};
 use crate::terms::Ratio;
 use crate::terms::term::{Acts, Freedom, Needs, Outlasts, Role, Spot, Term};
 use crate::text::{number, quoted};
@@ -158,8 +158,44 @@ pub fn exported(mechanism: &Mechanism, applied: &Applied) -> Result<Exported, Er
             notes.push(note);
         }
     }
+    notes.extend(with_places(applied, &mut out));
     out.validate()?;
     Ok(Exported { mechanism: out, tips, notes })
+}
+
+/// Puts points and frames that stood at one unknown place where they were found; a plane or a line has no place there.
+/// Where things stood that readings tell apart is of their session.
+fn with_places(applied: &Applied, out: &mut Mechanism) -> Vec<Note> {
+    let mut notes: Vec<Note> = Vec::new();
+    let [point, plane, line, frame] = UNKNOWN_THINGS;
+    for p in applied.parameters.iter().filter(|p| is_unknown_thing(&p.spec.term)) {
+        let named = |name: &String| p.spec.target.as_ref() == Some(name);
+        let axis = ["x", "y", "z", "rx", "ry", "rz"].iter().position(|axis| *axis == p.name);
+        let at = match &*p.spec.term {
+            term if term == point => {
+                let own = out.points.iter_mut().find(|own| named(&own.name));
+                own.map(|own| own.at.get_or_insert_default().as_mut_slice())
+            }
+            term if term == frame => {
+                let own = out.frames.iter_mut().find(|own| named(&own.name));
+                own.map(|own| own.pose.get_or_insert_default().as_mut_slice())
+            }
+            _ => None,
+        };
+        if let (Some(at), Some(k)) = (at, axis) {
+            at[k] = p.value;
+        }
+        let mut surfaces = out.planes.iter().map(|own| &own.name);
+        let surface = match &*p.spec.term {
+            term if term == plane => surfaces.any(named),
+            term if term == line => out.lines.iter().any(|own| named(&own.name)),
+            _ => false,
+        };
+        if surface && notes.iter().all(|note| note.effect() != Some(&p.spec)) {
+            notes.push(Note::NoPlace(p.spec.clone()));
+        }
+    }
+    notes
 }
 
 /// A mechanism with the gains and offsets that a result has found, slips that happened included.

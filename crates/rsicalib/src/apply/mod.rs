@@ -4,6 +4,7 @@ pub mod accuracy;
 pub mod budget;
 pub mod change;
 pub mod check;
+pub mod coordinates;
 pub mod decision;
 pub mod earlier;
 pub mod export;

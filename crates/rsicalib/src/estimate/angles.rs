@@ -1,7 +1,7 @@
 //! Joint coordinates of readings under parameters of a fit.
 
-use crate::estimate::observations::Observations;
 use crate::model::{Model, Want, Workspace};
+use crate::readings::Readings;
 
 /// Joint coordinates after all corrections, and their slopes by the readings, row by row, one per
 /// channel.
@@ -12,8 +12,7 @@ pub struct Angles {
 }
 
 impl Angles {
-    pub fn of(observations: &Observations, model: &Model, beta: &[f64]) -> Self {
-        let readings = &observations.readings;
+    pub fn of(readings: &Readings, model: &Model, beta: &[f64]) -> Self {
         let channels = readings.channels;
         let mut slopes = vec![f64::NAN; readings.samples * channels];
         let mut angles = slopes.clone();
@@ -29,6 +28,11 @@ impl Angles {
             }
         }
         Self { channels, angles, slopes }
+    }
+
+    /// Coordinates of all joints, row by row (rad or length units).
+    pub fn all(self) -> Vec<f64> {
+        self.angles
     }
 
     /// Coordinate of the joint that a channel reads (rad or length units).

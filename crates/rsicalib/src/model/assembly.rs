@@ -79,10 +79,29 @@ pub fn inverse(mechanism: &Mechanism, pose: &[f64; 6]) -> Result<Vec<f64>, Error
         let start = within.iter().map(|[low, high]| random.uniform(*low, *high));
         inverse_from(mechanism, pose, start.collect())
     });
-    match found {
-        Err(Error::OutOfReach { .. }) => others.flat_map(Result::ok).next().map_or(found, Ok),
-        found => found,
+    let inside = |angles: &[f64]| {
+        let within = |(channel, angle): (&Channel, &f64)| {
+            channel.limits.is_none_or(|[low, high]| (low..=high).contains(angle))
+        };
+        mechanism.channels.iter().zip(angles).all(within)
+    };
+    match &found {
+        Ok(angles) if inside(angles) => return found,
+        Ok(_) | Err(Error::OutOfReach { .. }) => {}
+        Err(_) => return found,
     }
+    // Of several that hold it there, one within the limits: near those of this one, or from elsewhere.
+    let nearest = |(angle, [low, high]): (&f64, &[f64; 2])| angle.clamp(*low, *high);
+    let near = found.as_ref().ok().map(|angles| angles.iter().zip(&within).map(nearest).collect());
+    let near = near.map(|start| inverse_from(mechanism, pose, start));
+    let mut first = None;
+    for other in near.into_iter().chain(others).flatten() {
+        if inside(&other) {
+            return Ok(other);
+        }
+        first.get_or_insert(other);
+    }
+    found.or_else(|error| first.ok_or(error))
 }
 
 /// The same from these joint coordinates: of several that hold the platform there, elbows up or down, those that the

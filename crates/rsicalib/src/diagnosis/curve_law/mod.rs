@@ -117,7 +117,7 @@ impl Abscissa {
     /// None where the channel's readings are all alike.
     fn new(observations: &Observations, without: &Fit, channel: usize, over: Over) -> Option<Self> {
         let Observations { readings, weights, .. } = observations;
-        let angles = Angles::of(observations, &without.model, &without.beta);
+        let angles = Angles::of(&observations.readings, &without.model, &without.beta);
         let live: Vec<usize> = (0..readings.samples).filter(|&row| weights[row] > 0.0).collect();
         let slope = live.iter().map(|&r| angles.slope(r, channel)).sum::<f64>() / live.len() as f64;
         let middle = without.model.scales[channel].middle;

@@ -24,7 +24,7 @@ pub fn against(
     let (before, after) = (&without.residuals.whitened, &with.residuals.whitened);
     let samples = observations.readings.samples;
     let joint = joint_at(observations, instance.target);
-    let angles = Angles::of(observations, &with.model, &with.beta);
+    let angles = Angles::of(&observations.readings, &with.model, &with.beta);
     let variable = |row: usize| match joint {
         Some(channel) => angles.at(row, channel),
         None => observations.readings.pose[row] as f64 + 1.0,

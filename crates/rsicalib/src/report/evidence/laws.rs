@@ -56,13 +56,13 @@ pub fn law(observations: &Observations, found: &Found, last: &Fit) -> Result<Opt
             let mut instances = found.without.model.instances.clone();
             instances.push(*other);
             let refit = fit(observations, instances, Some(&found.without))?;
-            Angles::of(observations, &refit.model, &refit.beta)
+            Angles::of(&observations.readings, &refit.model, &refit.beta)
         } else {
             // As the search fitted it, beside the others of that time.
             let Some((_, model, beta)) = found.laws.iter().find(|(i, ..)| i == other) else {
                 continue;
             };
-            Angles::of(observations, model, beta)
+            Angles::of(&observations.readings, model, beta)
         };
         let value = |row: usize| acts.law[row] + acts.apart(row, &there);
         let effect = Place::of(observations, other);
@@ -109,8 +109,8 @@ impl Correction {
         let first = last.model.first[at];
         let mut absent = last.beta.clone();
         absent[first..first + instance.width()].fill(0.0);
-        let angles = Angles::of(observations, &last.model, &last.beta);
-        let without = Angles::of(observations, &last.model, &absent);
+        let angles = Angles::of(&observations.readings, &last.model, &last.beta);
+        let without = Angles::of(&observations.readings, &last.model, &absent);
         let (channels, samples) = (observations.readings.channels, observations.readings.samples);
         let values = observations.readings.table.values.clone();
         let change = |row: usize, c: usize| angles.at(row, c) - without.at(row, c);
