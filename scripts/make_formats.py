@@ -128,7 +128,8 @@ BY_HAND = {
         "simulator": "The program that made the device.",
         "mechanism": SAID_ONCE["mechanism"][0],
         "seed": "Of all that was drawn.",
-        "noise": "Standard deviation of a sample, in units of the channel, before it is rounded.",
+        "noise": "Standard deviation of a sample, in units of the channel, before it is rounded: "
+        "one number, or one for each channel where they differ.",
         "effect": "What is wrong beside offsets and gains: null where nothing is.",
         "off": "Offset by channel, in rad or `length_unit`.",
         "gain": "Gain by channel, in rad or `length_unit` per unit of the reading.",

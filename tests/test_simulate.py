@@ -16,7 +16,7 @@ from scipy.stats import ks_2samp
 
 import rsicalib
 from benches.speed import Rival
-from rsicalib import InputError, _core
+from rsicalib import InputError, Mechanism, _core
 from rsicalib.facts.records import plain
 from rsicalib.poses.devices import Device, draw_poses, nominal_device
 from rsicalib.poses.simulation import simulate
@@ -138,6 +138,27 @@ def test_any_mechanism_with_a_platform_can_be_simulated() -> None:
     assert not np.array_equal(made.readings.values, np.round(made.readings.values))
     with pytest.raises(InputError, match="workspace of 'encoders'"):
         simulate(None, mechanism)
+    noisy = simulate(None, mechanism, poses=20, samples=40, within=box, seed=1)
+    apart = noisy.readings.values.reshape(20, 40, -1).std(axis=1, ddof=1)
+    assert noisy.truth["noise"] == 1e-4  # as declared
+    assert np.sqrt(np.mean(apart**2)) == pytest.approx(1e-4, rel=0.05)  # 7,020 differences
+    # As a hand clamps an encoder, within 0.03 rad, and gains by 2 %: the largest of nine.
+    assert 0.01 < np.abs(noisy.device.offsets).max() < 0.3
+
+
+def test_encoders_without_a_declared_noise_want_one() -> None:
+    plan = oracle.rsi()
+    for channel in plan["channel"]:
+        channel |= {"unit": "rad", "gain": 1.0, "offset": 0.0}
+        del channel["range"]
+    with pytest.raises(InputError, match="noise: found none declared of a11, which reads rad"):
+        simulate(None, _core.Mechanism.from_dict(plain(plan)))
+
+
+def test_gains_are_drawn_where_a_mechanism_identifies_them() -> None:
+    drawn = Mechanism.from_toml(RSI.to_toml().replace('"offset", "gain"', '"offset"'))
+    device = simulate(None, drawn, poses=4, check=2, seed=3).device
+    assert np.array_equal(device.gains, [c.gain for c in drawn.channels])
 
 
 @pytest.mark.parametrize(

@@ -310,6 +310,21 @@ def test_a_law_of_the_way_is_refused_whatever_else_it_needs(way: str) -> None:
         list(rsicalib.watch(DEMO / "check.csv", found, mechanism))
 
 
+def test_rows_of_which_none_can_be_tested_are_no_usable_input(
+    step: dict[str, Any], tmp_path: Path
+) -> None:
+    """Quoted decimal commas between commas, which `calibrate` refuses."""
+    result, path = tmp_path / "result.json", tmp_path / "comma.csv"
+    step["calibration"].save(result)
+    head, *rows = (DEMO / "check.csv").read_text().splitlines()
+    quoted = [",".join(f'"{cell},0"' for cell in row.split(",")) for row in rows]
+    path.write_text("\n".join([head, *quoted]))
+    done = run_text("watch", path, "--calibration", result)
+    assert done.returncode == 2
+    assert "0 of 160 rows tested (160 unreadable)" in done.stderr
+    assert "most rows cannot be tested" in done.stderr
+
+
 def test_the_demo_is_watched_under_all_that_was_found_of_it() -> None:
     found = rsicalib.trace(DEMO / "readings.csv", rest=DEMO / "rest.csv")
     watching = rsicalib.watch(DEMO / "check.csv", found)

@@ -245,7 +245,8 @@ def make_parser() -> argparse.ArgumentParser:
     sub.shares("mechanism")
     sub.takes("--poses POSES", "held poses (48)", parsed("poses"))
     sub.takes("--samples SAMPLES", "of each pose (8)", parsed("samples"))
-    sub.takes("--noise NOISE", "of one sample, in readings (1)", parsed("simulate.noise"))
+    noise = "of one sample, in readings (as declared; 1 of counts)"
+    sub.takes("--noise NOISE", noise, parsed("simulate.noise"))
     sub.takes("--check-poses CHECK_POSES", "other poses, known (20)", parsed("check"), dest="check")
     sub.takes("--seed SEED", "same seed, same files (0)", seed)
     sub.shares("force")

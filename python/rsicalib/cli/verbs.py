@@ -33,6 +33,9 @@ T = TypeVar("T")
 ALARMED = 4
 """Exit code of a watch that raised an alarm."""
 
+UNUSABLE = 2
+"""Exit code of input of which nothing can be used."""
+
 
 def calibrate(args: Args) -> int:
     """Parameters from joint readings alone: estimates, uncertainty, adequacy."""
@@ -278,6 +281,8 @@ def watch(args: Args) -> int:
         emit(json.dumps(plain(found), ensure_ascii=False) + "\n")
     elif not args.quiet:
         say(found.text(), sys.stderr)
+    if found.rows and not found.used and not found.alarms:
+        return UNUSABLE
     return ALARMED if found.alarms else 0
 
 

@@ -12,17 +12,15 @@ from rsicalib.arrays import Alike, FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import Record
 from rsicalib.io.cells import POSE
-from rsicalib.io.readings import Readings
 from rsicalib.planning.measures import parameters_of
 from rsicalib.plots import on_axes, scatter
 from rsicalib.poses.devices import Device, Within, draw_poses
 from rsicalib.poses.kinematics import forward_sd
-from rsicalib.poses.places import places
+from rsicalib.poses.places import held_at, places
 from rsicalib.results.result import Result
 from rsicalib.tabular import Tabular
 from rsicalib.work.applying import as_applied
 from rsicalib.work.arguments import (
-    Bare,
     CalibrationArg,
     MechanismArg,
     earlier_result,
@@ -181,9 +179,10 @@ def workspace(
         raise InputError(f"within: found {opened.name!r} without a platform, expected one")
     if within is None and not _boxed(opened):
         return _within_limits(calibration, opened, poses, seed)
-    device = Device(opened, *parameters_of(calibration, opened))
+    result, opened = earlier_result(calibration, opened)
+    device = Device(opened, *parameters_of(result, opened))
     drawn, exact = draw_poses(device, poses, np.random.default_rng(seed), within=within)
-    sd = forward_sd(Readings.from_arrays(opened, exact), opened, calibration)
+    sd = forward_sd(held_at(result, opened, exact), opened, result)
     return Workspace(opened.name, opened.length_unit, drawn, sd)
 
 
@@ -213,6 +212,6 @@ def _within_limits(
     """A platform, or points that chains carry, in configurations within the limits of joints."""
     result, mechanism = earlier_result(calibration, mechanism)
     values, _ = readings_at_work(result, mechanism, poses, seed)
-    found = places(Readings.from_arrays(Bare(mechanism), values), mechanism, result)
+    found = places(held_at(result, mechanism, values), mechanism, result)
     sd = np.full_like(found.values, np.nan) if found.sd is None else found.sd
     return Workspace(mechanism.name, mechanism.length_unit, found.values, sd, found.names)

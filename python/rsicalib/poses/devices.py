@@ -21,6 +21,9 @@ Within = Sequence[tuple[float, float]]
 MARGIN = _core.MARGIN
 """Readings that a pose keeps from the ends of the range: offsets are not known beforehand."""
 
+CLAMPED = 0.03
+"""Within which a hand clamps a sensor [rad, or length units]: 20 counts of the hand controller."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Device(Alike):
@@ -50,7 +53,7 @@ class Device(Alike):
         rng: np.random.Generator,
         *,
         gain: float = 0.02,
-        clamp: float = 20.0,
+        clamp: float | None = None,
     ) -> Device:
         """Draw a device as an assembler would make it.
 
@@ -64,9 +67,10 @@ class Device(Alike):
         rng : numpy.random.Generator
             Source of the random draws.
         gain : float
-            Standard deviation of the gains, as a fraction.
-        clamp : float
-            Standard deviation of the clamping, in readings.
+            Standard deviation of the gains, as a fraction, of a mechanism that identifies them.
+        clamp : float, optional
+            Standard deviation of the clamping, in readings; where not given 20 of a channel that
+            counts, and of another what moves its joint by 0.03.
 
         Returns
         -------
@@ -81,8 +85,10 @@ class Device(Alike):
         if rest is not None:
             anchor = (np.array(mechanism.inverse(rest["pose"])) - offsets) / gains
         angles = offsets + gains * anchor
-        true = gains * (1 + gain * rng.standard_normal(len(gains)))
-        read = anchor + clamp * rng.standard_normal(len(gains))
+        told = any(name.startswith("gain") for name in mechanism.to_dict()["model"]["terms"])
+        true = gains * (1 + (gain if told else 0.0) * rng.standard_normal(len(gains)))
+        by = [20.0 if is_count(c.unit) else CLAMPED / abs(c.gain) for c in mechanism.channels]
+        read = anchor + (by if clamp is None else clamp) * rng.standard_normal(len(gains))
         return cls(mechanism, angles - true * read, true)
 
     def readings(self, poses: npt.ArrayLike, margin: float = 0.0) -> FloatArray:
@@ -109,7 +115,7 @@ class Device(Alike):
         exact: FloatArray,
         rng: np.random.Generator,
         *,
-        noise: float = 1.0,
+        noise: float | FloatArray = 1.0,
         samples: int = 1,
     ) -> FloatArray:
         """Read exact readings as the electronics do: noise, rounding to counts, end of range.
@@ -120,7 +126,7 @@ class Device(Alike):
             From `readings`.
         rng : numpy.random.Generator
             Source of the noise.
-        noise : float
+        noise : float or ndarray, shape (C,)
             Standard deviation of one sample, in readings, before it is rounded.
         samples : int
             Number of samples of each pose.
@@ -131,7 +137,7 @@ class Device(Alike):
             Whole numbers where the channel counts.
         """
         shape = (len(exact), samples, exact.shape[1])
-        if noise > 0:
+        if np.any(np.asarray(noise) > 0):
             read = rng.standard_normal(shape)
             read *= noise
             read += exact[:, None]

@@ -21,6 +21,9 @@ from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
 from rsicalib.work.arguments import Bare, ReadingsArg, load
 
+WARMER = 1.0
+"""Poses that nobody has visited may be so much warmer or colder than the session [K]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Places:
@@ -51,9 +54,7 @@ def readings_for(readings: ReadingsArg, mechanism: Mechanism, skip_bad_rows: boo
     Carried points need no columns beside the channels, and laws theirs where they are there.
     """
     if _by_chains(mechanism):
-        own = Bare(mechanism, laws=True)
-        found = _without(readings, own, own.value_columns, skip_bad_rows)
-        return load(readings, Bare(mechanism), skip_bad_rows) if found is None else found
+        return load(readings, Bare(mechanism), skip_bad_rows)
     known = _without(readings, mechanism, mechanism.instrument_columns, skip_bad_rows)
     if known is not None:
         return known
@@ -76,6 +77,15 @@ def _without(
     return None
 
 
+def held_at(result: Result, mechanism: Mechanism, exact: FloatArray) -> Readings:
+    """Held poses with these readings, about as warm as the session where that is known."""
+    mean = None if result.reference is None else result.reference.temperature
+    number = np.arange(1, len(exact) + 1)
+    warm = None if mean is None else mean + WARMER * (-1.0) ** number
+    own = mechanism if mechanism.to_dict().get("platform") else Bare(mechanism)
+    return Readings.from_arrays(own, exact, pose=number, temperature_c=warm)
+
+
 class Unseen(Bare):
     """A mechanism that no instrument sees."""
 
@@ -85,6 +95,7 @@ class Unseen(Bare):
         self.key_columns = mechanism.key_columns
         self.distance_columns = mechanism.distance_columns
         self.value_columns = [name for name in mechanism.value_columns if name not in seen]
+        self.optional_columns = mechanism.optional_columns
         self.own_columns = [own for own in mechanism.own_columns if not set(own) & set(seen)]
 
 

@@ -14,11 +14,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rsicalib import _core, options
+from rsicalib._core import Mechanism
 from rsicalib.arrays import Alike, FloatArray
+from rsicalib.errors import InputError
 from rsicalib.facts.records import to_json
 from rsicalib.io.folders import MARK, TRUTH, Sealed
 from rsicalib.io.readings import Readings
 from rsicalib.poses.devices import Device, Within, draw_poses
+from rsicalib.units import is_count
 from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
 
 POSE_S, SAMPLE_S = 15.0, 0.02
@@ -79,7 +82,7 @@ def simulate(
     *,
     poses: int = 48,
     samples: int = 8,
-    noise: float = 1.0,
+    noise: float | None = None,
     check: int = 20,
     within: Within | None = None,
     device: Device | None = None,
@@ -98,8 +101,9 @@ def simulate(
         Held poses, and other poses to check against.
     samples : int
         Number of samples of each pose.
-    noise : float
-        Standard deviation of one sample, in readings, before it is rounded.
+    noise : float, optional
+        Standard deviation of one sample, in readings, before it is rounded. Where not given what
+        the mechanism declares of each channel; of a channel that counts 1.
     within : six pairs, optional
         Box that poses are drawn from; the hand controller's own workspace by default.
     device : Device, optional
@@ -128,24 +132,24 @@ def simulate(
     options.rows(poses + check, samples)
     rng = np.random.default_rng(seed)
     device = device or Device.drawn(open_mechanism(mechanism), rng)
-    options.noise_of(noise, device.mechanism.channels, "simulate.noise")
+    sigma = _noise(noise, device.mechanism)
     _, exact = draw_poses(device, poses, rng, within=within)
     elsewhere, exact_check = draw_poses(device, check, rng, within=within)
     rest = None
     declared = device.mechanism.to_dict().get("rest")
     if declared is not None:
         at_rest = device.readings([declared["pose"]])
-        rest = _session(device, at_rest, rng, noise, samples, source="rest", start=-60.0)
-    readings = _session(device, exact, rng, noise, samples, source="readings")
+        rest = _session(device, at_rest, rng, sigma, samples, source="rest", start=-60.0)
+    readings = _session(device, exact, rng, sigma, samples, source="readings")
     checked = _session(
-        device, exact_check, rng, noise, samples, source="check", known=elsewhere,
+        device, exact_check, rng, sigma, samples, source="check", known=elsewhere,
         start=60.0 + POSE_S * poses,
     )  # fmt: skip
     truth = {
         "simulator": f"rsicalib {_core.__version__}",
         "mechanism": device.mechanism.name,
         "seed": seed,
-        "noise": noise,
+        "noise": _told(sigma, device.mechanism),
         "effect": None,
         **device.truth(),
     }
@@ -155,11 +159,31 @@ def simulate(
     return made
 
 
+def _noise(noise: float | None, mechanism: Mechanism) -> FloatArray:
+    """Standard deviation of one sample of each channel, in its readings: (C,)."""
+    channels = mechanism.channels
+    if noise is not None:
+        options.noise_of(noise, channels, "simulate.noise")
+        return np.full(len(channels), float(noise))
+    unknown = [c for c in channels if c.noise is None and not is_count(c.unit)]
+    if unknown:
+        found = f"none declared of {unknown[0].name}, which reads {unknown[0].unit}"
+        raise InputError(f"noise: found {found}, expected one (--noise)")
+    return np.array([1.0 if c.noise is None else c.noise for c in channels])
+
+
+def _told(sigma: FloatArray, mechanism: Mechanism) -> float | dict[str, float]:
+    """The noise as `truth.json` has it: one number, or one for each channel."""
+    if len({*sigma.tolist()}) == 1:
+        return float(sigma[0])
+    return dict(zip((c.name for c in mechanism.channels), sigma.tolist(), strict=True))
+
+
 def _session(
     device: Device,
     exact: FloatArray,
     rng: np.random.Generator,
-    noise: float,
+    noise: FloatArray,
     samples: int,
     *,
     source: str,

@@ -27,13 +27,12 @@ from rsicalib.plain_text import quoted
 from rsicalib.planning.measures import parameters_of
 from rsicalib.planning.platform_sd import readings_at_work
 from rsicalib.poses.devices import Device
-from rsicalib.poses.places import readings_for
+from rsicalib.poses.places import WARMER, held_at, readings_for
 from rsicalib.report.words import listed_words, subject
 from rsicalib.results.certificate import Certificate
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_table
 from rsicalib.work.arguments import (
-    Bare,
     CalibrationArg,
     MechanismArg,
     ReadingsArg,
@@ -45,9 +44,6 @@ from rsicalib.work.arguments import (
 
 PLACES, SEED, POSES = 200, 1, 6
 """Places of the workspace, the seed that they are drawn with, poses that are proposed."""
-
-WARMER = 1.0
-"""The temperature may be so far from that of the session [K]."""
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254, "ft": 0.3048}
 ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180}
@@ -189,7 +185,7 @@ def _places(
         exact, of_workspace = readings_at_work(result, mechanism, PLACES, SEED)
         words = f"{len(exact)} configurations within the limits of the joints"
         words = f"{PLACES} poses of the workspace" if of_workspace else words
-        readings = _held(result, mechanism, exact)
+        readings = held_at(result, mechanism, exact)
         return as_table([readings], mechanism, bare=not posed), words
     device = Device(mechanism, *parameters_of(result, mechanism))
     poses = _poses_of(at, mechanism) if posed else None
@@ -200,19 +196,12 @@ def _places(
             found = f"pose {wrong[0] + 1} ({', '.join(f'{v:g}' for v in poses[wrong[0]])})"
             expected = "poses within reach, joint limits and ranges"
             raise InputError(f"at: found {found} beyond them, expected {expected}")
-        readings = _held(result, mechanism, exact)
+        readings = held_at(result, mechanism, exact)
     else:
         readings = readings_for(at, mechanism, False)  # type: ignore[arg-type]
         _refuse_beyond_limits(readings, device)
     words = f"{len(readings)} places that were given"
     return as_table([readings], mechanism, bare=not posed), words
-
-
-def _held(result: Result, mechanism: Mechanism, exact: FloatArray) -> Readings:
-    """Held poses with these readings, about as warm as the session where that is known."""
-    mean = None if result.reference is None else result.reference.temperature
-    number = np.arange(1, len(exact) + 1)
-    return _at(mechanism, exact, None if mean is None else mean + WARMER * (-1.0) ** number)
 
 
 def _posed(mechanism: Mechanism) -> bool:
@@ -223,13 +212,6 @@ def _posed(mechanism: Mechanism) -> bool:
 def _carried(mechanism: Mechanism) -> list[str]:
     """Points that chains carry."""
     return [point["name"] for point in mechanism.to_dict().get("point", ()) if point.get("chain")]
-
-
-def _at(mechanism: Mechanism, values: FloatArray, temperature: npt.ArrayLike | None) -> Readings:
-    """Held poses with these readings."""
-    own: Any = mechanism if _posed(mechanism) else Bare(mechanism)
-    number = np.arange(1, len(values) + 1)
-    return Readings.from_arrays(own, values, pose=number, temperature_c=temperature)
 
 
 def _poses_of(at: Any, mechanism: Mechanism) -> FloatArray | None:

@@ -16,9 +16,9 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError, InputTypeError
 from rsicalib.facts.verdicts import UNUSABLE
-from rsicalib.io.readings import Readings
 from rsicalib.plain_text import as_sentence, meant
 from rsicalib.planning.platform_sd import readings_at_work
+from rsicalib.poses.places import held_at
 from rsicalib.report.past import DAY_S, Forecast, History, Jump, LeftOut, Past, Series, days_of
 from rsicalib.results.result import Result
 from rsicalib.work.applying import as_applied, as_table, covariance_of
@@ -219,7 +219,7 @@ def _last(mechanism: Mechanism, last: Result, target: float | None) -> Last | No
         values, _ = readings_at_work(last, mechanism, POSES, seed=0)
     except InputError:  # no pose of the workspace is within reach; the history is known
         return None
-    table = as_table([Readings.from_arrays(mechanism, values)], mechanism, bare=True)
+    table = as_table([held_at(last, mechanism, values)], mechanism, bare=True)
     return as_applied(last, mechanism), covariance, table, float(target)
 
 

@@ -47,7 +47,7 @@ pub fn score(at: &AtFit, judge: &Judge, without: &[String]) -> Vec<Scored> {
     };
     let all = terms::all(mechanism);
     let Some(&term) = all.iter().find(tried) else { return Vec::new() };
-    let angles = Angles::of(at.observations, &at.fit.model, &at.fit.beta);
+    let angles = Angles::of(&at.observations.readings, &at.fit.model, &at.fit.beta);
     let live: Vec<usize> =
         (0..readings.samples).filter(|&row| at.observations.weights[row] > 0.0).collect();
     let of_sensor = |target: &Target| {
