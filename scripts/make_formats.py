@@ -115,11 +115,12 @@ BY_HAND = {
         "`p_value`, `also_fits`.",
         "parameters": "A list: `term`, `target`, `name`, `unit`, `tolerance` (standard deviation "
         "by the drawing), `shift` (common to all devices), `sd` of the shift, `between` (standard "
-        "deviation from device to device) and `between_interval`, of 95 % (an end is null where "
-        "nothing bounds it), `spread` (standard deviation that is expected from one calibration to "
-        "another: of all levels together, and at least a hundredth of the tolerance); with "
-        "`--levels` also `levels`, as in `rsicalib.fleet/1`; `between` is then that of the level "
-        "of devices, and null where it cannot be told.",
+        "deviation from device to device, null where no device tells it) and `between_interval`, "
+        "of 95 % (null where devices differ by less than their errors make them; an end is null "
+        "where nothing bounds it), `spread` (standard deviation that is expected from one "
+        "calibration to another: of all levels together, and at least a hundredth of the "
+        "tolerance); with `--levels` also `levels`, as in `rsicalib.fleet/1`; `between` is then "
+        "that of the level of devices, and null where it cannot be told.",
         "outliers": "Devices unlike the others, which tell nothing of them.",
     },
     "rsicalib.truth/1": {

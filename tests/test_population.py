@@ -12,8 +12,9 @@ from scipy import optimize, stats
 
 import rsicalib
 from rsicalib import InputError, _core
+from rsicalib.fleets.dataset import Partition
 from rsicalib.fleets.page import page
-from rsicalib.fleets.population import ShareJob, first_line
+from rsicalib.fleets.population import ShareJob, first_line, joint
 from scripts import make_formats
 from tests.full import sized
 from tests.oracle import Array
@@ -111,8 +112,119 @@ def test_the_spread_between_devices_has_the_largest_restricted_likelihood() -> N
         return float(np.linalg.slogdet(v)[1] + y @ np.linalg.solve(v, y))
 
     best = optimize.minimize(cost, np.log([0.3, 1.0]), method="Nelder-Mead", tol=1e-8)
-    # Rounds end where a variance changes by 1e-4: the deviation by less than 1e-3 of itself.
+    # Steps end where `ln τ²` moves by 1e-6, those of the witness by 1e-8.
     np.testing.assert_allclose(between, np.exp(best.x), rtol=1e-3)
+
+
+FINE = 256
+"""Of a converter of 20 bits: so many counts where that of the hand controller has one."""
+
+
+def fine_fleet(devices: int) -> tuple[rsicalib.Mechanism, Partition, Array]:
+    """Hand controllers with fine converters, whose lengths are those of the drawing; their offsets.
+
+    Offsets are meant at the middle of the range, from the drawing: (devices, 9).
+    """
+    own = rsicalib.load_mechanism("rsi").to_dict()
+    for channel in own["channel"]:
+        channel["range"] = [0.0, 4096.0 * FINE - 1]
+        channel["gain"] /= FINE
+    sd = {"offset": 0.05, "gain": 3e-5 / FINE, "link_length": 0.02}
+    own["model"] = {"terms": ["offset", "gain"], "sd": sd}
+    mechanism = rsicalib.Mechanism.from_dict(own)
+    made = [
+        rsicalib.simulate(mechanism=mechanism, poses=16, samples=4, noise=1.0, seed=100 + k)
+        for k in range(devices)
+    ]
+    channels = mechanism.channels
+    middle = (4096.0 * FINE - 1) / 2
+    drawn = np.array([c.offset + c.gain * middle for c in channels])
+    offsets = np.array([s.device.offsets + s.device.gains * middle - drawn for s in made])
+    rows: dict[str, Any] = {c.name: [] for c in channels}
+    for session in made:
+        for k, c in enumerate(channels):
+            rows[c.name].append(session.readings.values[:, k])
+    columns = {name: np.ascontiguousarray(np.concatenate(own)) for name, own in rows.items()}
+    columns["device"] = np.repeat(np.arange(devices), 64)
+    columns["pose"] = np.concatenate([session.readings.pose for session in made])
+    return mechanism, Partition(columns, None), offsets
+
+
+def test_devices_that_differ_by_less_than_their_tolerances_are_said_to() -> None:
+    mechanism, partition, offsets = fine_fleet(24)
+    sd = {"offset": 0.05, "gain": 3e-5 / FINE, "link_length": 0.02}
+    found, _ = joint(mechanism, "device", sd, {}, lambda job: [(partition, job(partition))])
+    assert found["devices"] == 24
+    by_term = {p["term"]: p for p in found["parameters"]}
+    # The witness is what was drawn: its deviation is a quarter of a hundredth of the tolerance.
+    drawn = float(np.sqrt(offsets.var(axis=0, ddof=1).mean()))
+    assert drawn < sd["offset"] / 300
+    offset = by_term["offset"]
+    assert offset["between"] == pytest.approx(drawn, rel=0.1)
+    low, high = offset["between_interval"]
+    assert low < drawn < high < sd["offset"] / 100
+    # Lengths are those of the drawing in every device.
+    length = by_term["link_length"]
+    low, high = length["between_interval"]
+    assert low == 0.0 and length["between"] < high < sd["link_length"] / 100
+    # What is expected of the next device is no less than a hundredth of the tolerance.
+    assert (offset["spread"], length["spread"]) == pytest.approx((0.0005, 0.0002))
+
+
+def test_one_batch_of_all_devices_changes_nothing() -> None:
+    rng = np.random.default_rng(8)
+    shares = []
+    for _ in range(12):
+        x = 1e4 * rng.standard_normal((10, 4))
+        beta = np.array([1e-3, 1e-3, 0.0, 0.0]) * rng.standard_normal(4)
+        shares.append(share(x.T @ x, x.T @ (x @ beta + rng.standard_normal(10))))
+    alone, _, _, none = _core.population(shares, TOLERANCE.tolist())
+    batch, _, of, level = _core.population(shares, TOLERANCE.tolist(), [[0] * 12])
+    assert (none, level) == (None, None) and of == list(range(12))
+    for one, other in zip(alone["parameters"], batch["parameters"], strict=True):
+        assert "levels" not in one and len(other.pop("levels")) == 2
+        assert one == other
+    p, q = alone["parameters"][0], alone["parameters"][2]
+    low, high = p["between_interval"]
+    assert low < 1e-3 < high < TOLERANCE[0] / 100 and q["between_interval"][0] == 0.0
+    assert (p["spread"], q["spread"]) == pytest.approx((0.005, 0.02))
+
+
+@pytest.mark.parametrize("precision", [1e3, 1e9, 1e13])
+def test_what_a_fleet_tells_well_does_not_drown_what_it_does_not_tell(precision: float) -> None:
+    # Devices tell the sum of two parameters, and nothing of their difference.
+    sums = np.array([0.31, -0.12, 0.54, 0.08, -0.27, 0.33])
+    tolerance = 0.5
+    shares = [
+        {
+            "information": np.full((2, 2), precision),
+            "told": np.full(2, precision * x),
+            "parameters": PARAMETERS[:2],
+            "candidates": CANDIDATES[:2],
+        }
+        for x in sums
+    ]
+    found, with_others, _, _ = _core.population(shares, [tolerance] * 2)
+    one, other = found["parameters"]
+    between = one["between"]
+    # Witness: of the sum and the difference each by itself, where nothing cancels. A sum differs by
+    # 2 τ², is known to 1/H, and is drawn within 2 tol².
+    error = 2 * between**2 + 1 / precision
+    variance = 1 / (len(sums) / error + 1 / (2 * tolerance**2))
+    mean = variance * sums.sum() / error
+    sd = np.sqrt((variance + 2 * tolerance**2) / 4)
+    # Beside the 1 of the difference, what is told of the sum is rounded by some 1e-16 of itself.
+    rtol = 1e-9 + 1e-15 * precision
+    np.testing.assert_allclose([one["shift"], other["shift"]], mean / 2, rtol=rtol)
+    np.testing.assert_allclose([one["sd"], other["sd"]], sd, rtol=rtol)
+    # A device beside the others: its sum, and of the difference what the drawing says.
+    part = 2 * between**2 / error
+    own = mean + part * (sums - mean)
+    own_variance = part / precision + (1 - part) ** 2 * variance
+    own_sd = np.sqrt((own_variance + 2 * between**2 + 2 * tolerance**2) / 4)
+    told = np.array(with_others)
+    np.testing.assert_allclose(told[:, :, 0], np.stack([own, own], axis=1) / 2, rtol=rtol)
+    np.testing.assert_allclose(told[:, :, 1], own_sd, rtol=rtol)
 
 
 def test_fleets_without_an_error_of_the_drawing_name_none_and_bounds_hold() -> None:

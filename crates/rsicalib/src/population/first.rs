@@ -234,7 +234,7 @@ fn with_levels(all: &[(f64, f64)], levels: &[Vec<usize>]) -> Result<Shift, Error
     let bounded = (independent.len() > 2).then(|| mean_of(&independent, of.top()[0]));
     Ok(Shift {
         devices: all.len(),
-        value: of.mean()[0],
+        value: of.mean().0[0],
         half: bounded.as_ref().and_then(|bounded| bounded.half),
         between: levels[0].sd,
         between_interval: levels[0].interval,

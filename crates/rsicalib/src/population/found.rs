@@ -4,11 +4,14 @@ use faer::Mat;
 
 use crate::Error;
 use crate::model::Spec;
-use crate::numerics::distributions::chi2_quantile;
-use crate::population::joint::{Joint, LEAST, Told, solve, solve_told};
+use crate::population::joint::{Joint, solve};
 use crate::population::levels::{Levels, Spread};
 use crate::population::naming::{Candidate, named};
 use crate::population::share::Share;
+
+/// Least variance that is expected of a device that is yet to come, in tolerances squared: a hundredth of
+/// the tolerance. What devices are found to differ by has no such floor.
+const LEAST: f64 = 1e-4;
 
 /// What devices of one design share.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,9 +80,10 @@ pub struct Common {
     /// Standard deviation of the shift.
     pub sd: f64,
     /// Standard deviation between devices; one for all parameters of a term and name. With levels it is
-    /// that of the level of devices, and none where it cannot be told.
+    /// that of the level of devices. None where it cannot be told.
     pub between: Option<f64>,
-    /// Interval of 95 % of `between`; the upper end is null where the fleet hardly tells.
+    /// Interval of 95 % of `between`; the upper end is none where the fleet hardly tells, and both are where
+    /// devices differ by less than their errors make them.
     pub between_interval: Option<(f64, Option<f64>)>,
     /// Standard deviation that is expected from one calibration to another of the design: of all levels
     /// together, and at least a hundredth of the tolerance.
@@ -99,59 +103,16 @@ pub struct Common {
 /// [`Error::Shape`] for a level that does not have a group for each share, [`Error::Option`] for levels
 /// that cross.
 pub fn found(shares: &[Share], tolerances: &[f64], levels: &[Vec<usize>]) -> Result<Found, Error> {
-    let Some(first) = shares.first() else {
-        return Ok(Found {
-            devices: 0,
-            design: Vec::new(),
-            parameters: Vec::new(),
-            outliers: Vec::new(),
-            with_others: Vec::new(),
-            device_of: Vec::new(),
-            level: None,
-        });
+    let Some(first) = shares.first().filter(|first| !first.told.is_empty()) else {
+        return Ok(Found::nothing(shares.len()));
     };
-    let mut kinds: Vec<(&str, &str)> = Vec::new();
-    let mut class = Vec::new();
-    for p in &first.parameters {
-        let own = (p.term.as_str(), p.name.as_str());
-        let at = kinds.iter().position(|k| *k == own).unwrap_or_else(|| {
-            kinds.push(own);
-            kinds.len() - 1
-        });
-        class.push(at);
-    }
     let n = first.told.len();
     let matrix = |s: &Share| Mat::from_fn(n, n, |i, j| s.information[i * n + j]);
     let information: Vec<Mat<f64>> = shares.iter().map(matrix).collect();
     let told: Vec<Vec<f64>> = shares.iter().map(|s| s.told.clone()).collect();
-    let (joint, differ, device_of, level) = if levels.is_empty() || n == 0 {
-        let joint = solve(&information, &told, tolerances, &class);
-        let differ = (0..joint.between.len()).map(|c| Differ::of(&joint, c)).collect();
-        (joint, differ, (0..shares.len()).collect(), None)
-    } else {
-        // In tolerances, as the joint estimate has them.
-        let by = |i: usize| tolerances[i];
-        let scaled = |h: &Mat<f64>| Mat::from_fn(n, n, |i, j| h[(i, j)] * by(i) * by(j));
-        let information: Vec<Mat<f64>> = information.iter().map(scaled).collect();
-        let scaled = |h: &Vec<f64>| h.iter().enumerate().map(|(i, h)| h * by(i)).collect();
-        let told: Vec<Vec<f64>> = told.iter().map(scaled).collect();
-        let all = Levels::new(&information, &told, &class, levels, 1.0)?;
-        if !all.nests() {
-            let expected = "levels that nest, for what devices share";
-            return Err(Error::option("levels", "levels that cross", expected));
-        }
-        let device_of = all.largest();
-        let devices = device_of.iter().max().map_or(0, |d| d + 1);
-        let mut others = None;
-        let joint = solve_told(devices, tolerances, &class, |used| {
-            let out: Vec<bool> = used.iter().map(|used| !used).collect();
-            let others = others.insert(all.without(&out));
-            let (information, told) = all.devices(others).into_iter().unzip();
-            Told { information, told, variance: Some(others.top()) }
-        });
-        let others = others.unwrap_or(all);
-        (joint, Differ::of_levels(&others), device_of, others.level())
-    };
+    let class = classes(first);
+    let (joint, of_used) = solve(&information, &told, tolerances, &class, levels)?;
+    let differ = Differ::of(&of_used);
     let parameter = |(k, p): (usize, &crate::estimate::directions::ParameterReport)| {
         let (tolerance, c) = (tolerances[k], class[k]);
         let Differ { devices, spread, levels } = &differ[c];
@@ -180,9 +141,39 @@ pub fn found(shares: &[Share], tolerances: &[f64], levels: &[Vec<usize>]) -> Res
         parameters: first.parameters.iter().enumerate().map(parameter).collect(),
         outliers: (0..joint.devices.len()).filter(|&d| joint.devices[d].outlier).collect(),
         with_others: with_others.collect(),
-        device_of,
-        level,
+        device_of: of_used.largest(),
+        level: of_used.level(),
     })
+}
+
+impl Found {
+    /// Of devices that have no parameters.
+    fn nothing(devices: usize) -> Self {
+        Self {
+            devices,
+            design: Vec::new(),
+            parameters: Vec::new(),
+            outliers: Vec::new(),
+            with_others: vec![Vec::new(); devices],
+            device_of: (0..devices).collect(),
+            level: None,
+        }
+    }
+}
+
+/// The variance that each parameter has: one for each name of a term.
+fn classes(share: &Share) -> Vec<usize> {
+    let mut kinds: Vec<(&str, &str)> = Vec::new();
+    let mut class = Vec::new();
+    for p in &share.parameters {
+        let own = (p.term.as_str(), p.name.as_str());
+        let at = kinds.iter().position(|k| *k == own).unwrap_or_else(|| {
+            kinds.push(own);
+            kinds.len() - 1
+        });
+        class.push(at);
+    }
+    class
 }
 
 /// How a class differs, in tolerances.
@@ -194,22 +185,16 @@ struct Differ {
 }
 
 impl Differ {
-    /// Of devices without levels.
-    fn of(joint: &Joint, c: usize) -> Self {
-        let (spread, known) = (joint.between[c], joint.known[c]);
-        let (groups, interval) = (joint.devices_used(), Some(interval(spread, known)));
-        let devices = Spread { groups, sd: Some(spread), interval, same_as: None };
-        Self { devices, spread, levels: Vec::new() }
-    }
-
     /// Of all classes.
-    fn of_levels(levels: &Levels) -> Vec<Self> {
+    fn of(levels: &Levels) -> Vec<Self> {
         let spreads = levels.spreads();
         let devices = levels.level().map_or(0, |level| level + 1);
+        // Units alone are no levels.
+        let told = if spreads.len() > 1 { &spreads[..] } else { &[] };
         let one = |(c, total): (usize, f64)| Self {
             devices: spreads[devices][c],
             spread: total.max(LEAST).sqrt(),
-            levels: spreads.iter().map(|own| own[c]).collect(),
+            levels: told.iter().map(|own| own[c]).collect(),
         };
         levels.total().into_iter().enumerate().map(one).collect()
     }
@@ -241,15 +226,4 @@ fn design(joint: &Joint, share: &Share) -> Vec<DesignError> {
         }
     };
     named(joint, &share.candidates).iter().map(of).collect()
-}
-
-/// Interval of 95 % of a standard deviation that so many deviations have determined; no upper end
-/// for less than one.
-fn interval(sd: f64, known: f64) -> (f64, Option<f64>) {
-    if known < 1.0 {
-        return (0.0, None);
-    }
-    // `chi2_quantile` counts from above.
-    let end = |p: f64| sd * (known / chi2_quantile(p, known)).sqrt();
-    (end(0.025), Some(end(0.975)))
 }

@@ -3,7 +3,7 @@
 //! | here | symbol | |
 //! |---|---|---|
 //! | `information`, `told` | `H_d`, `h_d` | what device `d` tells of its parameters, without priors |
-//! | `between` | `T` | variance between devices, diagonal, one for each term |
+//! | `between` | `T` | variance between devices, diagonal, one for each term, by `levels` |
 //! | `shift` | `γ` | mean of the devices from the drawing, with the variance `tol²` before |
 //! | `lambda`, `b` | `Λ_d`, `b_d` | what device `d` tells of `γ` |
 //! | `covariance` | `C` | of `γ` |
@@ -27,7 +27,6 @@ mod vectors;
 
 pub use first::{Shift, Summed, beyond_chance, common_shifts, summed};
 pub use found::{Common, DesignError, Found, found};
-pub use joint::{Device, Joint, solve};
 pub use levels::Spread;
-pub use naming::{Candidate, Named, named};
+pub use naming::Candidate;
 pub use share::{Share, candidates, middles, share};

@@ -42,17 +42,17 @@ impl Candidate {
 
 /// An error of the drawing that the devices share.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Named {
+pub(super) struct Named {
     /// Which candidate.
-    pub candidate: usize,
+    pub(super) candidate: usize,
     /// Its size in tolerances.
-    pub size: f64,
+    pub(super) size: f64,
     /// Standard deviation of its size, in tolerances.
-    pub sd: f64,
+    pub(super) sd: f64,
     /// Probability of as much by chance, for all candidates together.
-    pub p_value: f64,
+    pub(super) p_value: f64,
     /// Other candidates that explain the fleet as well.
-    pub also_fits: Vec<usize>,
+    pub(super) also_fits: Vec<usize>,
 }
 
 /// Names errors of the drawing one after the other, the most significant first.
@@ -66,8 +66,7 @@ pub struct Named {
 /// where `S = Σ Λ_d`, `s = Σ b_d` and `r_d = b_d - Λ_d γ` is what device `d` leaves: the spread of the
 /// devices themselves bounds the sum, whatever the noise and `T` are taken for. `z²` is judged
 /// by `F(1, D-1)`, at 1 % for all candidates together.
-#[must_use]
-pub fn named(joint: &Joint, candidates: &[Candidate]) -> Vec<Named> {
+pub(super) fn named(joint: &Joint, candidates: &[Candidate]) -> Vec<Named> {
     let mut found: Vec<Named> = Vec::new();
     let mut chosen: Vec<usize> = Vec::new();
     let fleet = Fleet { joint, candidates };

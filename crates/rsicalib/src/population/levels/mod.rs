@@ -18,7 +18,8 @@
 //! such as tools that several arms carry, are solved together with `γ`. `Q = k` is (124), and the
 //! restricted likelihood's maximum; the score `Q - k` has the variance `2 k₂`, from which a `τ²` is
 //! within 95 % where the χ² of (162) is, the other variances at their best beside it. Of groups that
-//! are known alike this is the exact interval of a variance (Satterthwaite 1946).
+//! are known alike this is the exact interval of a variance (Satterthwaite 1946). Without levels the units
+//! are the devices, and (161) is (121).
 
 mod grouping;
 mod interval;
@@ -35,6 +36,7 @@ use crate::Error;
 use crate::numerics::workers;
 use grouping::Grouping;
 use interval::interval;
+pub(super) use solve::Held;
 use solve::Tree;
 
 /// A variance of so much, in units of what the best known group leaves open, is none. Of `G` groups
@@ -75,6 +77,7 @@ impl Spread {
 }
 
 /// Units with their levels, at the likeliest variances.
+#[derive(Debug, Clone)]
 pub(super) struct Levels {
     tree: Tree,
     /// `ln τ²` of each rank and class.
@@ -177,6 +180,12 @@ impl Levels {
         sums.lambda.chunks(n * n).zip(sums.b.chunks(n)).map(one).collect()
     }
 
+    /// (121) of each of the largest groups that nest, at the variances of other levels of the same units.
+    pub(super) fn held(&self, at: &Self) -> Vec<Held> {
+        let root = at.tree.root_of_largest(&at.best);
+        self.devices(at).into_iter().map(|(s, b)| Held::of(&root, &s, b)).collect()
+    }
+
     /// Variance of each class between the largest groups that nest.
     pub(super) fn top(&self) -> Vec<f64> {
         self.variances(self.tree.grouping.depth() - 1)
@@ -202,9 +211,10 @@ impl Levels {
         Some(if self.best[one] <= least { 0.0 } else { self.best[one].exp() })
     }
 
-    /// The mean of each parameter.
-    pub(super) fn mean(&self) -> Vec<f64> {
-        self.tree.at(&self.best).shift
+    /// The mean of each parameter, and its covariance.
+    pub(super) fn mean(&self) -> (Vec<f64>, Mat<f64>) {
+        let at = self.tree.at(&self.best);
+        (at.shift, at.eliminated.covariance(self.tree.n()))
     }
 
     /// How the groups of each level differ, units first, and each class in it.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 
-use crate::numerics::symmetric::{dot, invert};
+use crate::numerics::symmetric::{dot, eigenvalues, invert};
 use crate::population::levels::grouping::Grouping;
 
 /// Units with their levels, and what they tell.
@@ -54,6 +54,13 @@ pub(super) struct Eliminated {
     ln_det: f64,
 }
 
+impl Eliminated {
+    /// Of `γ`, of `n` parameters.
+    pub(super) fn covariance(&self, n: usize) -> Mat<f64> {
+        self.inverse.submatrix(0, 0, n, n).to_owned()
+    }
+}
+
 /// `û/τ` of each rank, `γ`, and `γ + Σ û` of each unit.
 pub(super) struct Solved {
     pub(super) deviations: Vec<Vec<f64>>,
@@ -84,6 +91,11 @@ impl Tree {
     fn roots(&self, ln: &[f64]) -> Vec<Vec<f64>> {
         let of = |own: &[f64]| self.class.iter().map(|&c| (0.5 * own[c]).exp()).collect();
         ln.chunks(self.classes.max(1)).map(of).collect()
+    }
+
+    /// `R` of the largest groups that nest.
+    pub(super) fn root_of_largest(&self, ln: &[f64]) -> Vec<f64> {
+        self.roots(ln).swap_remove(self.grouping.depth() - 1)
     }
 
     /// `S` and `s` of the largest groups that nest.
@@ -275,7 +287,10 @@ impl Tree {
             }
         }
         (0..size).for_each(|i| gram[(i, i)] += if i < n { self.held } else { 1.0 });
-        let (inverse, own) = inverse(&gram);
+        let (inverse, own) = inverse(&gram).unwrap_or_else(|| {
+            // A mean that nothing holds and no unit tells has the pseudo-inverse, whatever the variances are.
+            if self.held > 0.0 { rounded(&gram, self.held) } else { (invert(&gram).0, 0.0) }
+        });
         let eliminated = Eliminated { roots, inner, through, inverse, ln_det: ln_det + own };
         let k = self.determined(&eliminated, &root, tops.len() / (n * n));
         (eliminated, k)
@@ -354,13 +369,21 @@ fn spread(groups: &[f64], up: &[usize], size: usize) -> Vec<f64> {
     up.iter().flat_map(|&group| &groups[group * size..(group + 1) * size]).copied().collect()
 }
 
-/// Inverse and `ln det` of a matrix that holds all directions, else the pseudo-inverse, which is of a
-/// mean that no unit tells, whatever the variances are.
-fn inverse(a: &Mat<f64>) -> (Mat<f64>, f64) {
-    let Ok(factor) = a.llt(Side::Lower) else { return (invert(a).0, 0.0) };
+/// Inverse and `ln det` of a matrix that holds all directions.
+fn inverse(a: &Mat<f64>) -> Option<(Mat<f64>, f64)> {
+    let factor = a.llt(Side::Lower).ok()?;
     let triangle = factor.L();
     let ln_det = (0..a.nrows()).map(|i| 2.0 * triangle[(i, i)].ln()).sum();
-    (factor.inverse(), ln_det)
+    Some((factor.inverse(), ln_det))
+}
+
+/// The same of a matrix none of whose eigenvalues is below `least`, but for rounding, which is more than that.
+fn rounded(a: &Mat<f64>, least: f64) -> (Mat<f64>, f64) {
+    let n = a.nrows();
+    let Some((values, vectors)) = eigenvalues(a.as_ref()) else { return (invert(a).0, 0.0) };
+    let values: Vec<f64> = values.into_iter().map(|value| value.max(least)).collect();
+    let part = Mat::from_fn(n, n, |i, k| vectors[(i, k)] / values[k]);
+    (part * vectors.transpose(), values.iter().map(|value| value.ln()).sum())
 }
 
 /// (161): turns `S` of a group into its `Λ`, with `J` and `F`; `-ln det J`.
@@ -372,18 +395,27 @@ fn eliminate(root: &[f64], sum: &mut [f64], inner: &mut [f64], through: &mut [f6
         sum[0] = through[0] / root[0];
         return -inner[0].ln();
     }
-    let whole =
-        Mat::from_fn(n, n, |i, j| root[i] * sum[i * n + j] * root[j] + f64::from(u8::from(i == j)));
-    let (found, ln_det) = inverse(&whole);
+    let one = |i: usize, j: usize| f64::from(u8::from(i == j));
+    let whole = Mat::from_fn(n, n, |i, j| root[i] * sum[i * n + j] * root[j] + one(i, j));
+    let exact = inverse(&whole);
+    let told = exact.is_some();
+    let (found, ln_det) = exact.unwrap_or_else(|| rounded(&whole, 1.0));
     for (ij, inner) in inner.iter_mut().enumerate() {
         *inner = found[(ij / n, ij % n)];
     }
-    through.fill(0.0);
-    for i in 0..n {
-        for (k, root) in root.iter().enumerate() {
-            let by = inner[i * n + k] * root;
-            let rows = through[i * n..(i + 1) * n].iter_mut().zip(&sum[k * n..(k + 1) * n]);
-            rows.for_each(|(f, s)| *f += by * s);
+    if told {
+        through.fill(0.0);
+        for i in 0..n {
+            for (k, root) in root.iter().enumerate() {
+                let by = inner[i * n + k] * root;
+                let rows = through[i * n..(i + 1) * n].iter_mut().zip(&sum[k * n..(k + 1) * n]);
+                rows.for_each(|(f, s)| *f += by * s);
+            }
+        }
+    } else {
+        // `S` is rounded by more than `T⁻¹`: what is left of it is F = (1 - J) R⁻¹, which is never negative.
+        for (ij, f) in through.iter_mut().enumerate() {
+            *f = (one(ij / n, ij % n) - inner[ij]) / root[ij % n];
         }
     }
     // Λ = S R J R⁻¹ is the transpose of R⁻¹ J R S, and takes no difference of what is nearly the same.
@@ -394,4 +426,32 @@ fn eliminate(root: &[f64], sum: &mut [f64], inner: &mut [f64], through: &mut [f6
         }
     }
     ln_det
+}
+
+/// (121) of a group at its variances.
+pub(in crate::population) struct Held {
+    /// `V = R J R`
+    pub(in crate::population) v: Mat<f64>,
+    /// `V T⁻¹ = R J R⁻¹`
+    pub(in crate::population) lent: Mat<f64>,
+    /// `Λ`
+    pub(in crate::population) lambda: Mat<f64>,
+    /// `b`
+    pub(in crate::population) b: Vec<f64>,
+    /// `h`, or `s` of its parts.
+    pub(in crate::population) told: Vec<f64>,
+}
+
+impl Held {
+    pub(super) fn of(root: &[f64], sum: &Mat<f64>, told: Vec<f64>) -> Self {
+        let n = root.len();
+        let mut lambda: Vec<f64> = (0..n * n).map(|ij| sum[(ij / n, ij % n)]).collect();
+        let (mut inner, mut through) = (vec![0.0; n * n], vec![0.0; n * n]);
+        eliminate(root, &mut lambda, &mut inner, &mut through);
+        let lent = Mat::from_fn(n, n, |i, j| root[i] * inner[i * n + j] / root[j]);
+        // b = R⁻¹ J R s
+        let b = (0..n).map(|i| (0..n).map(|j| lent[(j, i)] * told[j]).sum()).collect();
+        let v = Mat::from_fn(n, n, |i, j| root[i] * inner[i * n + j] * root[j]);
+        Self { v, lent, lambda: Mat::from_fn(n, n, |i, j| lambda[i * n + j]), b, told }
+    }
 }

@@ -2,7 +2,7 @@
 
 use faer::Mat;
 
-use crate::population::levels::Levels;
+use crate::population::levels::{Held, Levels};
 
 /// Numbers that repeat nothing, between -1 and 1.
 fn number(k: usize) -> f64 {
@@ -228,7 +228,7 @@ fn of_balanced_levels_variances_are_those_of_mean_squares() {
         // Steps end where `ln τ²` moves by less than 1e-6.
         assert!((ln - witness.ln()).abs() < 1e-5, "{} and not {witness}", ln.exp());
     }
-    assert!((of.mean()[0] - mean(&x)).abs() < 1e-9);
+    assert!((of.mean().0[0] - mean(&x)).abs() < 1e-9);
 }
 
 #[test]
@@ -282,6 +282,41 @@ fn what_is_left_out_tells_nothing() {
     assert_eq!((all.level(), all.largest()), (Some(1), vec![0, 0, 0, 0, 1, 1, 1, 1]));
     // Of one group nothing is between: what the other half tells is all there is.
     assert!(rest.total()[0] != all.total()[0]);
+}
+
+#[test]
+fn what_is_told_well_does_not_drown_what_is_not_told() {
+    let (x, t) = (0.7, [1.0_f64, 0.3]);
+    for precision in [1e3, 1e6, 1e9, 1e12] {
+        let h = Mat::from_fn(2, 2, |_, _| precision);
+        let held = Held::of(&t, &h, vec![precision * x; 2]);
+        // By Sherman and Morrison, with T = diag(t²) and H = precision 11ᵀ.
+        let sum = precision / (1.0 + precision * (t[0].powi(2) + t[1].powi(2)));
+        let near = |found: f64, witness: f64| {
+            // `1 + R S R` is rounded by so much beside what nobody tells.
+            let by = 1e-12 + 1e-15 * precision;
+            assert!((found - witness).abs() < by, "{precision}: {found} and not {witness}");
+        };
+        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let one = f64::from(u8::from(i == j));
+            near(held.lambda[(i, j)], sum);
+            near(held.v[(i, j)], one * t[i].powi(2) - sum * t[i].powi(2) * t[j].powi(2));
+            near(held.lent[(i, j)], one - sum * t[i].powi(2));
+            near(held.b[i], sum * x);
+        }
+    }
+}
+
+#[test]
+fn information_that_is_negative_by_rounding_is_none() {
+    // Of the difference of two parameters -10, where their sum is told to 2e9.
+    let h = Mat::from_fn(2, 2, |i, j| if i == j { 1e9 - 5.0 } else { 1e9 + 5.0 });
+    let held = Held::of(&[1.0, 1.0], &h, vec![7e8; 2]);
+    let along = |of: &Mat<f64>, sign: f64| of[(0, 0)] + sign * of[(0, 1)];
+    assert!((along(&held.lambda, 1.0) - 1.0).abs() < 1e-6, "{:?}", held.lambda);
+    assert!(along(&held.v, 1.0).abs() < 1e-6, "{:?}", held.v);
+    assert!(along(&held.lambda, -1.0).abs() < 1e-6, "{:?}", held.lambda);
+    assert!((along(&held.v, -1.0) - 1.0).abs() < 1e-6, "{:?}", held.v);
 }
 
 #[test]
