@@ -93,7 +93,8 @@ RETURNS = _by_name(
     {
         "Array": """
             Fit.forward Fit.residuals Placer.place angles_at distances forward jacobian
-            joint_coordinates means_of_samples misclosure readings_at rsi_angles rsi_poses within_limits
+            joint_coordinates means_of_samples misclosure readings_at rsi_angles rsi_poses
+            within_limits
         """,
         "Fit": "Session.fit",
         "Mechanism": """
