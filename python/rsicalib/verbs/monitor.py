@@ -274,7 +274,7 @@ class Monitor:
     ------
     InputError
         The result cannot be used, or the mechanism has loops that are not closed in every sample
-        (unknown points, measured distances).
+        (points that readings tell apart, distances in columns).
 
     Examples
     --------
