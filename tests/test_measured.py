@@ -213,7 +213,7 @@ def test_the_broken_placement_and_the_bad_samples_of_panda_2_are_named(folder: P
 
 
 LEFT, FELL = sized((("front",), ("left", "front_rotated")), (None, None))
-"""Placements of dinova_2: one that nothing explains; two, in the last of which the tool fell off."""
+"""Placements of dinova_2: one that nothing explains; two, in the last of which a tool fell off."""
 
 UNEXPLAINED = [("dinova_2", "mukca_gen3lite.toml"), ("panda_1", "mukca_panda.toml")]
 
