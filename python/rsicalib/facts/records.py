@@ -84,7 +84,7 @@ class Record:
             Keys in the order of the fields.
         """
         out = {}
-        for name, key, omit in _written(type(self)):
+        for name, key, omit in _written(type(self)):  # type: ignore[arg-type]
             value = plain(getattr(self, name))
             if value not in omit:
                 out[key] = value
