@@ -44,10 +44,11 @@ def counts(root: Path = ROOT) -> dict[str, int]:
     package = root / "python" / "rsicalib"
     web = [path for suffix in ("js", "html", "css") for path in package.rglob(f"*.{suffix}")]
     pages = [root / "README.md", *(root / "docs").rglob("*.md")]
+    core = _crate(root / "crates" / "rsicalib" / "src")
     return {
-        "core crate": _crate(root / "crates" / "rsicalib" / "src"),
-        "of these, diagnosis": _crate(root / "crates" / "rsicalib" / "src", "diagnosis/"),
-        "bindings": _crate(root / "crates" / "rsicalib-py" / "src"),
+        "core crate": sum(core.values()),
+        "of these, diagnosis": sum(n for name, n in core.items() if name.startswith("diagnosis/")),
+        "bindings": sum(_crate(root / "crates" / "rsicalib-py" / "src").values()),
         "Python package": _sum(package.rglob("*.py"), python_lines),
         "JavaScript, HTML, CSS": _sum(web, web_lines),
         "words of the pages": _sum(pages, lambda text: len(text.split())),
@@ -96,9 +97,10 @@ def web_lines(source: str) -> int:
     return _filled(WEB_COMMENT.sub("", source))
 
 
-def _crate(folder: Path, under: str = "") -> int:
-    names = (name for name in imports_rust.read(folder)[0] if str(name).startswith(under))
-    return _sum((folder / name for name in names), rust_lines)
+def _crate(folder: Path) -> dict[str, int]:
+    """Lines of each file that the crate has."""
+    names = imports_rust.read(folder)[0]
+    return {str(name): rust_lines((folder / name).read_text(encoding="utf-8")) for name in names}
 
 
 def _filled(text: str) -> int:

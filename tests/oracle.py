@@ -136,7 +136,17 @@ def point(mechanism: Mechanism, name: str, angles: Array) -> Array:
     at = np.append(np.asarray(entry["at"], dtype=float), 1.0)
     if "chain" not in entry:
         return np.broadcast_to(at[:3], (len(angles), 3))
-    out: Array = chain_end(mechanism, entry["chain"], angles) @ at
+    # From the point to the base: a product with a vector for each row, none of two matrices.
+    names = channel_names(mechanism)
+    out: Array = np.broadcast_to(at, (len(angles), 4))
+    for row in reversed(next(c["dh"] for c in mechanism["chain"] if c["name"] == entry["chain"])):
+        link = dh(0.0, row.get("d", 0.0), row.get("a", 0.0), row.get("alpha", 0.0))
+        theta = row.get("theta", 0.0)
+        if "channel" in row:
+            theta = theta + angles[:, names.index(row["channel"])]
+        x, y, z, one = (out @ link.T).T
+        cos, sin = np.cos(theta), np.sin(theta)
+        out = np.stack([cos * x - sin * y, sin * x + cos * y, z, one], axis=-1)
     return out[:, :3]
 
 
@@ -148,10 +158,12 @@ def points(mechanism: Mechanism, angles: Array) -> Array:
 def misclosure_of_angles(mechanism: Mechanism, angles: Array) -> Array:
     """`|r_a - r_b|² - d²` for every distance closure, eq. (10): shape (n, closures)."""
     columns = []
+    ends = {name for closure in mechanism["closure"] for name in closure.get("between", ())}
+    at = {name: point(mechanism, name, angles) for name in ends}
     for closure in mechanism["closure"]:
         if closure["kind"] != "distance":
             raise ValueError(f"the oracle knows distances only, not {closure['kind']!r}")
-        first, second = (point(mechanism, name, angles) for name in closure["between"])
+        first, second = (at[name] for name in closure["between"])
         columns.append(np.sum((first - second) ** 2, axis=1) - closure["value"] ** 2)
     return np.stack(columns, axis=1)
 

@@ -91,7 +91,7 @@ def belts() -> Trace:
         return rsicalib.trace(*machine_files.write(case.machine, case.read, Path(folder)))
 
 
-SESSIONS: dict[str, Callable[[], Trace]] = {
+KINDS: dict[str, Callable[[], Trace]] = {
     "good": good,
     "bent": rsicalib.demo,
     "shared": shared,
@@ -105,7 +105,10 @@ SESSIONS: dict[str, Callable[[], Trace]] = {
     "sockets": sockets,
     "belts": belts,
 }
-"""Of every session the trace."""
+"""How each session is traced."""
+
+SESSIONS = {name: cache(kind) for name, kind in KINDS.items()}
+"""Of every session the trace, computed once."""
 
 
 def fleet() -> str:

@@ -210,7 +210,7 @@ def uncrossed(read: Array) -> tuple[rsicalib.Mechanism, rsicalib.Readings]:
     return drawn, rsicalib.Readings.from_arrays(drawn, read, pose=numbers, time_s=10.0 * numbers)
 
 
-@pytest.mark.parametrize("seed", range(21, 21 + sized(3, 10)))
+@pytest.mark.parametrize("seed", range(21, 21 + sized(1, 10)))
 def test_each_pose_has_two_places_that_nearly_close(seed: int) -> None:
     read, offsets, corners = hung(seed, UNCROSSED)
     drawn, readings = uncrossed(read)

@@ -77,7 +77,7 @@ def documents(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[s
     known = rsicalib.load_readings(DEMO / "check.csv").values.copy()
     known[5:, 4] += 40.0  # a22 has turned by 40 counts
     monitor = rsicalib.Monitor(found)
-    alarms = [alarm for row in known for alarm in monitor.update(row)]
+    alarms = monitor.update(known)
     assert alarms
     supposed = rsicalib.suppose(DEMO / "readings.csv", ["curvature@a22.c2=0.02"])
     traced = rsicalib.trace(DEMO / "readings.csv", rest=DEMO / "rest.csv")

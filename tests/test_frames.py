@@ -9,7 +9,7 @@ from tests.full import sized
 from tests.machines.frames import frame, graded, traced
 
 
-@pytest.mark.parametrize("k", sized([12, 13], [6, 7, 12, 13]))
+@pytest.mark.parametrize("k", sized([13], [6, 7, 12, 13]))
 def test_short_belts_and_the_constant_are_named_and_the_scale_is_not(k: int) -> None:
     """Before, 6, 7 and 12 missed the gain, and 13 named the scale in two parts, -45 % each."""
     rng = np.random.default_rng((0, k))

@@ -103,7 +103,7 @@ def test_where_no_explanation_was_weighed_the_strip_says_so() -> None:
 
 
 def test_a_law_that_no_term_has_is_a_line_through_the_dots_and_can_be_chosen() -> None:
-    found = rsicalib.demo()
+    found = SESSIONS["bent"]()
     assert found.evidence is not None
     law = found.evidence.effects[0].law
     assert law is not None

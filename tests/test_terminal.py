@@ -23,6 +23,7 @@ from rsicalib.cli.parser import make_parser
 from rsicalib.cli.progress import ProgressLine, progress_of
 from rsicalib.cli.streams import folded
 from tests.commands import run_text
+from tests.full import sized
 
 READINGS, REST, CHECK = (str(DEMO / f"{name}.csv") for name in ("readings", "rest", "check"))
 
@@ -153,7 +154,12 @@ def on_a_terminal(columns: int, *words: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "words", [("terms",), ("terms", "curvature"), ("calibrate", "nowhere.csv", "--terms", "x" * 9)]
+    "words",
+    [
+        ("terms", "curvature"),
+        ("calibrate", "nowhere.csv", "--terms", "x" * 9),
+        *sized([], [("terms",)]),
+    ],
 )
 def test_no_verb_is_wider_than_its_terminal_or_breaks_a_word(words: tuple[str, ...]) -> None:
     wide = on_a_terminal(500, *words)

@@ -46,7 +46,7 @@ def bent(q: Array, channel: int) -> Array:
     return errors
 
 
-@pytest.mark.parametrize("channel", sized([0, 2], [0, 1, 2]))
+@pytest.mark.parametrize("channel", sized([2], [0, 1, 2]))
 @pytest.mark.parametrize("kind", ["poses", "motion"])
 def test_hysteresis_is_named_in_single_poses_and_in_a_motion(kind: str, channel: int) -> None:
     q, step_s = (poses(channel), 10.0) if kind == "poses" else (motion(), 0.1)

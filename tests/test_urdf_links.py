@@ -140,7 +140,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return mechanism(tmp_path_factory.mktemp("skew"))
 
 
-@pytest.mark.parametrize("link", sized([2, 5], [2, 3, 4, 5]))
+@pytest.mark.parametrize("link", sized([2], [2, 3, 4, 5]))
 def test_a_longer_link_is_named_as_the_length_of_that_link(drawn: Any, link: int) -> None:
     """Link `k` leads from joint k to the next: row k + 1 of the chain, the first is the base."""
     links = LINKS.copy()

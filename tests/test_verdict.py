@@ -265,7 +265,8 @@ def test_a_residual_is_traced_beside_a_convention() -> None:
     mechanism, readings, _ = sockets()
     values = readings.values.copy()
     values[:, 3] += 0.001 * values[:, 3] ** 2
-    found = rsicalib.trace(replace(readings, values=values), mechanism, terms=["offset"])
+    bent = replace(readings, values=values).select(np.arange(len(values)) % sized(2, 1) == 0)
+    found = rsicalib.trace(bent, mechanism, terms=["offset"])
     assert [(step.term, step.target) for step in found.steps][:1] == [("curvature", "q4")]
     assert found.verdict in ("explained", "partly_explained")
 

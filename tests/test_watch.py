@@ -49,7 +49,7 @@ def step() -> dict[str, Any]:
     """A device whose `a22` slips by 0.01 rad (7 counts) at row 3000, and what is said of it."""
     device, found, rng = calibrated(11)
     change = Change("a22", 0.01, since=3000)
-    values = Work(device, rng, change=change).rows(12_000)
+    values = Work(device, rng, change=change).rows(sized(7_000, 12_000))
     monitor = Monitor(found)
     alarms = monitor.update(values)
     return {"calibration": found, "values": values, "alarms": alarms, "monitor": monitor}
@@ -126,9 +126,9 @@ def test_rows_of_a_frame_and_times_as_dates_are_taken_as_they_are(
 
 def test_a_drift_is_named_once_with_its_rate() -> None:
     device, found, rng = calibrated(15)
-    rate = 4e-6  # rad in a row: 22 counts in the 8,000 rows that are left
+    rate = 4e-6  # rad in a row: 16 counts in the 6,000 rows that are left
     change = Change("a22", 0.2, since=2000, per_row=rate)
-    rows = sized(10_000, 20_000)
+    rows = sized(8_000, 20_000)
     values, times = Work(device, rng, change=change).rows(rows), np.arange(rows) / RATE_HZ
     alarms = Monitor(found).update(values, times)
     last = alarms[-1]
@@ -170,7 +170,7 @@ def test_a_link_bent_in_its_plane_is_the_same_as_a_slipped_sensor() -> None:
     # offset of a33, and its length differs by 0.0003 in.
     device, found, rng = calibrated(12)
     work = Work(device, rng, change=Change("arm3", 0.05, since=2000, axis="in_plane"))
-    alarms = Monitor(found).update(work.rows(12_000))
+    alarms = Monitor(found).update(work.rows(sized(6_000, 12_000)))
     last = alarms[-1]
     assert (last.term, last.target) == ("offset", "a33")
     assert "arm3" in {s.target for s in last.also_fits}
@@ -230,7 +230,7 @@ def command(*words: str | Path) -> list[str]:
 def test_the_command_prints_a_line_for_each_alarm(step: dict[str, Any], tmp_path: Path) -> None:
     result = tmp_path / "result.json"
     step["calibration"].save(result)
-    path = csv(step["values"][:6000], tmp_path / "work.csv")
+    path = csv(step["values"][:4000], tmp_path / "work.csv")
     done = run_text("watch", path, "--calibration", result, "--json")
     assert done.returncode == 4, done.stderr
     *alarms, summary = [json.loads(line) for line in done.stdout.splitlines()]
@@ -238,7 +238,7 @@ def test_the_command_prints_a_line_for_each_alarm(step: dict[str, Any], tmp_path
     assert alarms[-1]["target"] == "a22"
     assert alarms[0]["since"] == pytest.approx(3000 / RATE_HZ, abs=0.05)
     assert summary["format"] == "rsicalib.watch/1"
-    assert summary["rows"] == 6000
+    assert summary["rows"] == 4000
     with path.open("rb") as file:
         piped = subprocess.run(
             command("-", "--calibration", result, "--quiet"),
@@ -607,7 +607,7 @@ def test_an_alarm_says_what_to_do(step: dict[str, Any]) -> None:
     device, found, rng = calibrated(18)
     # A third of a count: the noise of one sample moves the platform by more.
     work = Work(device, rng, change=Change("a22", 0.5e-3, since=3000))
-    small = Monitor(found).update(work.rows(20_000))
+    small = Monitor(found).update(work.rows(sized(9_000, 20_000)))
     assert small and small[-1].action == "go_on" and small[-1].text().endswith("go on")
 
 

@@ -137,6 +137,22 @@ def then(frame: Array, motion: Array) -> Array:
     return np.asarray((frame.reshape(-1, 4) @ motion).reshape(frame.shape))
 
 
+def turned(frame: Array, by: Array) -> Array:
+    """`frame @ Rz(by)`, without the zeros and ones of the second."""
+    cos, sin = np.cos(by)[..., None], np.sin(by)[..., None]
+    x, y = frame[..., 0], frame[..., 1]
+    out = np.array(frame)
+    out[..., 0], out[..., 1] = cos * x + sin * y, cos * y - sin * x
+    return out
+
+
+def slid(frame: Array, by: Array) -> Array:
+    """`frame @ Tz(by)`, without the zeros and ones of the second."""
+    out = np.array(frame)
+    out[..., 3] += by[..., None] * frame[..., 2]
+    return out
+
+
 def posture(
     build: Build, chain: str, q: Array
 ) -> tuple[Array, list[Lever], list[tuple[int, float, Array]]]:
@@ -154,9 +170,7 @@ def posture(
             i = channels.index(row["channel"])
             sliding = row.get("joint") == "prismatic"
             levers.append(Lever(i, sliding, frame[..., :3, 2], frame[..., :3, 3]))
-            frame = frame @ (
-                oracle.translation(z=q[..., i]) if sliding else oracle.rotation("z", q[..., i])
-            )
+            frame = (slid if sliding else turned)(frame, q[..., i])
         if "mass" in row:
             centre = frame @ np.append(np.array(row.get("com", [0.0, 0.0, 0.0])), 1.0)
             masses.append((len(levers), float(row["mass"]), centre[..., :3]))

@@ -29,9 +29,9 @@ def frames(rows: Sequence[Row], angles: dict[str, Array], n: int) -> Array:
         theta = row.get("theta", 0.0) + (0.0 if slides else q)
         d, a = row.get("d", 0.0) + (q if slides else 0.0), row.get("a", 0.0)
         x, y = turned(x, y, theta)
-        if np.any(d):
+        if not nothing(d):
             at = at + d * z
-        if np.any(a):
+        if not nothing(a):
             at = at + a * x
         y, z = turned(y, z, row.get("alpha", 0.0))
         z, x = turned(z, x, row.get("beta", 0.0))
@@ -44,10 +44,15 @@ def frames(rows: Sequence[Row], angles: dict[str, Array], n: int) -> Array:
 
 def turned(one: Array, other: Array, by: Array | float) -> tuple[Array, Array]:
     """Two axes, the first turned towards the second, and the second away from the first."""
-    if not np.any(by):
+    if nothing(by):
         return one, other
     cos, sin = np.cos(by), np.sin(by)
     return cos * one + sin * other, cos * other - sin * one
+
+
+def nothing(by: Array | float) -> bool:
+    """Whether it is the number zero: to look through an array takes longer than to use it."""
+    return not isinstance(by, np.ndarray) and by == 0.0
 
 
 def tilted(row: Row, by: float) -> Row:

@@ -84,10 +84,11 @@ class Hanging:
         by_drives, by_free = (np.swapaxes(j[:, :, d], 1, 2) for d in (self.driven, ~self.driven))
         out = np.zeros(q.shape)
         weigh = np.array([self.shares[j] ** -0.5 for j in self.joints if j in self.drives])
+        by_closures = np.linalg.pinv(by_free)
         for n in range(len(q)):
             # Forces of the closures: passive joints carry nothing, and of the forces that are left
             # those by which drives would work against each other are none.
-            force = np.linalg.pinv(by_free[n]) @ g[n, ~self.driven]
+            force = by_closures[n] @ g[n, ~self.driven]
             left = keep(by_free[n].T)
             carried = g[n, self.driven] - by_drives[n] @ force
             if left.size:
@@ -212,9 +213,11 @@ def numbered(chain: dict[str, Any]) -> Iterable[tuple[int, dict[str, Any]]]:
 
 
 def slope(of: Callable[[Array], Array], q: Array) -> Array:
-    """Derivatives by the joints, the last axis, by differences."""
-    steps = STEP * np.eye(q.shape[1])
-    return np.stack([(of(q + step) - of(q - step)) / (2 * STEP) for step in steps], axis=-1)
+    """Derivatives by the joints, the last axis, by differences; all rows go to it at once."""
+    steps = STEP * np.eye(q.shape[1])[:, None, :]
+    values = of(np.stack([q + steps, q - steps]).reshape(-1, q.shape[1]))
+    ahead, behind = values.reshape(2, len(steps), len(q), *values.shape[1:])
+    return np.moveaxis((ahead - behind) / (2 * STEP), 0, -1)
 
 
 def link(rng: Rng, channel: str, a: float, **more: float) -> dict[str, Any]:

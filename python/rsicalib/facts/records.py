@@ -84,17 +84,17 @@ class Record:
             Keys in the order of the fields.
         """
         out = {}
-        for field in dataclasses.fields(self):
-            if not field.metadata.get("written", True):
-                continue
-            value = plain(getattr(self, field.name))
-            if value not in field.metadata.get("omit", ()):
-                out[field.metadata.get("key", field.name)] = value
+        for name, key, omit in _written(type(self)):  # type: ignore[arg-type]
+            value = plain(getattr(self, name))
+            if value not in omit:
+                out[key] = value
         return out
 
 
 def plain(value: Any) -> Any:
     """Turn records, tuples and arrays into what JSON has; NaN and infinity into None."""
+    if type(value) is float:  # most values are one
+        return value if math.isfinite(value) else None
     if isinstance(value, Record):
         return value.to_dict()
     if isinstance(value, Mapping):
@@ -117,22 +117,38 @@ def to_json(value: Any) -> str:
     return _lines(plain(value), "") + "\n"
 
 
+_flat = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
+
+
 def _lines(value: Any, indent: str) -> str:
+    if not isinstance(value, dict | list) or not value:
+        return _flat(value)
+    if isinstance(value, list) and all(isinstance(v, int | float) for v in value):
+        return _flat(value)
     inner = indent + "  "
-    flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
-    if not isinstance(value, dict | list) or not value or len(indent) + len(flat) <= 160:
-        return flat
     if isinstance(value, dict):
-        items = [
-            f"{json.dumps(k, ensure_ascii=False)}: {_lines(v, inner)}" for k, v in value.items()
-        ]
-        return "{\n" + ",\n".join(inner + item for item in items) + f"\n{indent}}}"
-    if all(isinstance(v, int | float) for v in value):
-        return flat
-    return "[\n" + ",\n".join(inner + _lines(v, inner) for v in value) + f"\n{indent}]"
+        first, last = "{}"
+        items = [f"{_flat(k)}: {_lines(v, inner)}" for k, v in value.items()]
+    else:
+        first, last = "[]"
+        items = [_lines(v, inner) for v in value]
+    # What fits into a line with what stands around it fits into one alone.
+    short = len(indent) + sum(map(len, items)) + 2 * len(items) <= 160
+    if short and not any("\n" in item for item in items):
+        return first + ", ".join(items) + last
+    return f"{first}\n" + ",\n".join(inner + item for item in items) + f"\n{indent}{last}"
 
 
 Reader: TypeAlias = Callable[[Any], Any]
+
+
+@cache
+def _written(cls: type[Record]) -> tuple[tuple[str, str, Any], ...]:
+    """Name and key of each field that is written, and the values with which it is not."""
+    fields = [f for f in dataclasses.fields(cls) if f.metadata.get("written", True)]
+    return tuple(
+        (f.name, f.metadata.get("key", f.name), f.metadata.get("omit", ())) for f in fields
+    )
 
 
 @cache
