@@ -42,6 +42,7 @@ class Mechanism:
     key_columns: tuple[str, ...] = ()
     distance_columns: tuple[str, ...] = ()
     value_columns: tuple[str, ...] = ()
+    optional_columns: tuple[str, ...] = ()
 
 
 NAMES = [f"a{arm}{joint}" for arm in (1, 2, 3) for joint in (1, 2, 3)]

@@ -198,8 +198,21 @@ class Work:
         loaded = load(check, Bare(self.mechanism) if open_chains else self.mechanism, self.skip)
         self.warnings += loaded.warnings
         self.warnings += clocks_begin_anew(self.readings, loaded)
+        self.warnings += self._without(loaded)
         self.checked = loaded
         return posed(loaded, self.mechanism, point, (noise[0] or 0.0, noise[1] or 0.0))
+
+    def _without(self, check: Readings) -> list[Warned]:
+        """Columns of laws that the sessions have and check poses have not."""
+        read = {name for one in self.readings for name in one.columns}
+        absent = [n for n in self.mechanism.optional_columns if n in read - {*check.columns}]
+        if not absent:
+            return []
+        text = (
+            f"{check.source}: known poses without the column{'s' * (len(absent) > 1)} "
+            f"{', '.join(absent)}: laws that follow it are as at its mean in the session"
+        )
+        return [Warned("other", None, text)]
 
     def beside(self, known: Known | None, align: bool) -> dict[str, Any]:
         """What the core judges a calibration by, beside the readings that are fitted."""

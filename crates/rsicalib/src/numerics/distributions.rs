@@ -73,6 +73,9 @@ pub fn chi2_quantile(p: f64, dof: f64) -> f64 {
     if !(0.0..=1.0).contains(&p) {
         return f64::NAN;
     }
+    if p == 1.0 {
+        return 0.0;
+    }
     let t = -p.ln();
     let (mut low, mut high) = (0.0, dof + 2.0 * (dof * t).sqrt() + 2.0 * t);
     if !high.is_finite() || ChiSquared::new(dof).is_err() {

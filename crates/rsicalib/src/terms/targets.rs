@@ -175,10 +175,10 @@ fn counts(mechanism: &Mechanism, channel: usize) -> bool {
 }
 
 /// What a gain of a channel that reads angles or lengths, or is on no joint, is to be multiplied by: three parts in a
-/// thousand are typical of a length, three per cent of anything else.
+/// thousand are typical of a joint or a length, three per cent of anything else.
 fn own_gain(mechanism: &Mechanism, channel: usize) -> f64 {
-    let length = mechanism.measures(channel) || mechanism.slides(channel);
-    let parts = if length { 100.0 } else { 1000.0 };
+    let read = mechanism.measures(channel) || mechanism.moves_joint(channel);
+    let parts = if read { 100.0 } else { 1000.0 };
     mechanism.channels.get(channel).map_or(1.0, |c| parts * c.gain.abs())
 }
 
