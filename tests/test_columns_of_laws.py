@@ -180,3 +180,24 @@ def test_a_length_between_unknown_points_may_be_a_column() -> None:
     assert not [w for w in column.warnings if w.kind == "unused"]
     assert number.fit is not None and free.fit is not None
     assert column.fit is not None and number.fit.dof == column.fit.dof > free.fit.dof
+
+
+def test_a_closure_that_holds_in_few_poses_is_judged_there_alone() -> None:
+    """A block of poses is off; a tape that was read in three of 60 poses takes nothing from it."""
+    made = rsicalib.simulate(None, poses=60, samples=1, noise=1.0, seed=2, check=2).readings
+    table = dict(zip(made.channels, made.values.T, strict=True))
+    table["a22"] = table["a22"] + 5.0 * ((np.arange(60) >= 20) & (np.arange(60) < 30))
+    whole = rsicalib.load_mechanism("rsi").to_dict()
+    first = whole["closure"][0]
+    length = np.where(np.arange(60) % 20 == 0, first["value"], np.nan)
+    tape = {"name": "tape", "kind": "distance", "between": first["between"]}
+    own = {**tape, "value": "tape", "noise": 0.01}
+    more = Mechanism.from_dict({**whole, "closure": [*whole["closure"], own]})
+    fits = (
+        rsicalib.calibrate(table, noise=1.04).fit,
+        rsicalib.calibrate({**table, "tape": length}, more, noise=1.04).fit,
+    )
+    plain, beside = (fit.held_out.p_value for fit in fits if fit is not None and fit.held_out)
+    assert plain is not None and beside is not None
+    # Counted in all 60 poses the tape made it a hundred times as large.
+    assert plain < 2e-3 and beside < 3 * plain

@@ -482,10 +482,14 @@ pub fn instances(
 
 /// One to two typical sizes of each parameter, of either sign.
 pub fn sizes(instance: &Instance, mechanism: &Mechanism, rng: &mut Rng) -> Vec<f64> {
-    // Typical sizes are meant for 4096 counts; an encoder has other readings.
+    // Typical sizes are meant for 4096 counts; an encoder has other readings. A typical gain is of its readings.
     let counts = match instance.target {
         Target::Channel(c) => mechanism.channels[c].half_range() / 2047.5,
         _ => 1.0,
+    };
+    let reads_angles = match instance.target {
+        Target::Channel(c) => mechanism.channels[c].unit == "rad",
+        _ => false,
     };
     let parameters = instance.term.info().parameters.iter();
     let typical = targets::typical(mechanism, instance.term, instance.target);
@@ -494,7 +498,7 @@ pub fn sizes(instance: &Instance, mechanism: &Mechanism, rng: &mut Rng) -> Vec<f
         .map(|(p, typical)| {
             let scale = match p.unit {
                 "reading" => counts,
-                "rad/reading" => 1.0 / counts,
+                "rad/reading" if !reads_angles => 1.0 / counts,
                 // Rows are 20 ms apart: a slower servo has no readings that the rows about each tell.
                 "s^2" => 0.01,
                 _ => 1.0,
