@@ -128,7 +128,15 @@ pub fn check_readings(model: &Model, readings: &Readings, beta: &[f64]) {
         let per = coordinate.map_or_else(|| model.scales[own].gain.abs(), |_| 1.0);
         let h = 2e-4 / per;
         let tolerance = 1e-8 * largest(&analytic);
-        let differences = derivative(|by| misclosure(model, readings, &places, beta, (own, by)), h);
+        let at = |h: f64| derivative(|by| misclosure(model, readings, &places, beta, (own, by)), h);
+        let differences = at(h);
+        let near = |(a, d): (&f64, &f64)| (a - d).abs() <= tolerance;
+        // A step may go over the place at which a load changes its side: a hundredth of it seldom does, and rounding
+        // of f over that is 1e-7.
+        let (differences, tolerance) = match analytic.iter().zip(&differences).all(near) {
+            true => (differences, tolerance),
+            false => (at(0.01 * h), 1e-7 * largest(&analytic)),
+        };
         for (analytic, difference) in analytic.iter().zip(differences) {
             assert!(
                 (analytic - difference).abs() <= tolerance,
