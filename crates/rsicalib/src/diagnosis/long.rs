@@ -31,6 +31,11 @@ pub struct Search<'a> {
 }
 
 impl Search<'_> {
+    /// The fit of all rows where the search was by stretches, else its last one.
+    pub(crate) fn answer(&self) -> &Fit {
+        self.all.as_ref().unwrap_or(&self.searched.current)
+    }
+
     /// True where no more than noise is left by effects alone, all readings kept.
     pub fn keeps_all(&self) -> bool {
         let Searched { current, found, poses, .. } = &self.searched;

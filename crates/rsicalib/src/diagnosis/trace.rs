@@ -336,8 +336,7 @@ fn pursue<'a>(
         searched = search_once(&observations, &clean, &base, search, wanted)?;
     }
     // A delay that stood for what was found since is nothing beside that.
-    let answer = |it: &Search| it.all.clone().unwrap_or_else(|| it.searched.current.clone());
-    while let Some(k) = least_that_does_not_pay(&late, &answer(&searched)) {
+    while let Some(k) = least_that_does_not_pay(&late, searched.answer()) {
         let gone = late.remove(k).scored.instance;
         base.retain(|instance| *instance != gone);
         clean = fit(&observations, base.clone(), Some(&clean))?;

@@ -22,6 +22,9 @@ const SAME: f64 = 0.01;
 /// The priors of a fit with (176) in the place of sizes that readings contradict; none where they stand.
 pub(crate) fn softer(fit: &Fit) -> Option<Vec<Prior>> {
     let typical = fit.model.give_by_size();
+    if typical.is_empty() {
+        return None;
+    }
     let limit = two_sided_limit(LEVEL, typical.len());
     let size = |column: usize| {
         typical.iter().find_map(|prior| match *prior {

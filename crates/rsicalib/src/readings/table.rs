@@ -127,7 +127,6 @@ pub(super) fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
     sum / count
 }
 
-/// One row for each of these sets of rows, the mean of its rows.
 /// Rows of a mechanism as rows of another one that uses some of its keys and columns.
 #[must_use]
 pub(crate) fn as_of(table: Table, whole: &Mechanism, some: &Mechanism) -> Table {
@@ -143,6 +142,7 @@ pub(crate) fn as_of(table: Table, whole: &Mechanism, some: &Mechanism) -> Table 
     Table { keys, columns, ..table }
 }
 
+/// One row for each of these sets of rows, the mean of its rows.
 #[must_use]
 pub(crate) fn average<R: ExactSizeIterator<Item = usize> + Clone>(
     table: &Table,

@@ -182,9 +182,9 @@ fn own_gain(mechanism: &Mechanism, channel: usize) -> f64 {
     mechanism.channels.get(channel).map_or(1.0, |c| parts * c.gain.abs())
 }
 
-/// True for what a weight does.
+/// True for what a weight does by itself; a law that users write may follow more than its torque.
 fn weighs(term: &dyn Term) -> bool {
-    matches!(term.info().needs, Needs::Gravity | Needs::Masses)
+    !term.info().law && matches!(term.info().needs, Needs::Gravity | Needs::Masses)
 }
 
 /// True for a joint that a weight pulls more in one pose than in another: not what measures a length without a joint, nor

@@ -88,8 +88,11 @@ fn places_apart(observations: &Observations, fit: &Fit, channel: usize) -> usize
     let mut known: Vec<f64> = Vec::with_capacity(LINE);
     for row in (0..readings.samples).filter(|&row| weights[row] > 0.0) {
         let read = readings.row(row)[channel];
-        if known.len() < LINE && known.iter().all(|other| (read - other).abs() > near) {
+        if known.iter().all(|other| (read - other).abs() > near) {
             known.push(read);
+        }
+        if known.len() == LINE {
+            break;
         }
     }
     known.len()
