@@ -1,33 +1,17 @@
 //! The fit: estimates, covariance, lack of fit, and the reason for the end.
 
-use std::borrow::Cow;
-use std::f64::consts::TAU;
-
 use faer::Mat;
 
 use crate::Error;
-use crate::estimate::adjusted::Adjusted;
-use crate::estimate::algebraic::Algebraic;
-use crate::estimate::conventions::{Conventions, Here, held};
-use crate::estimate::degrees;
-use crate::estimate::doubts;
+use crate::estimate::conventions::{Conventions, Here};
 use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
-use crate::estimate::lengths;
-use crate::estimate::miswired;
-use crate::estimate::noise::channels::{self, Length};
+use crate::estimate::minimum::minimum;
 use crate::estimate::noise::open;
-use crate::estimate::noise::rounding::Rounding;
 use crate::estimate::noise::scatter::Groups;
-use crate::estimate::noise::seating::contrasts;
-use crate::estimate::noise::source::{
-    DOUBT, NoiseEstimate, Rounded, check_declared, declared_rounded, estimate_noise, first_noise,
-    presumed, rounded, told_apart, with_lengths,
-};
+use crate::estimate::noise::source::{NoiseEstimate, first_noise};
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
-use crate::estimate::options::Method;
-use crate::estimate::progress::Heard;
 use crate::estimate::residuals::Residuals;
 use crate::estimate::significance::LEVEL;
 use crate::estimate::sized::sized;
@@ -36,14 +20,12 @@ use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::Start;
 use crate::estimate::turned::turned;
 use crate::estimate::{search, start};
-use crate::kinematics::elements::Way;
 use crate::model::{Instance, Model, Prior};
 use crate::numerics::distributions;
-use crate::numerics::lanes::Lanes;
 use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
-use crate::numerics::symmetric::{invert, nowhere};
-use crate::terms::term::{Acts, Role};
+use crate::numerics::symmetric::invert;
+use crate::terms::term::Acts;
 
 /// Fits the parameters of `instances` by (50) to (52), or by (11) for
 /// [`Method::Algebraic`](crate::Method::Algebraic).
@@ -163,43 +145,7 @@ fn begin(observations: &Observations, model: &Model, noise: &Noise) -> Start {
 }
 
 /// Largest number of fits, each with the noise of the fit before.
-const ROUNDS: usize = 4;
-
-/// A fit of a search ends where no more than this of ½χ² is to be had: decisions turn on units of χ².
-const ENOUGH: f64 = 1e-5;
-
-/// True for two noises of readings that differ by a common factor only, to 1 %.
-fn proportional(a: &Noise, b: &Noise) -> bool {
-    let scale = a.sigma[0] / b.sigma[0];
-    let same = |x: f64, y: f64| (x - scale * y).abs() <= 0.01 * x.abs();
-    a.sigma.iter().zip(&b.sigma).all(|(x, y)| same(*x, *y))
-}
-
-/// True for two noises by which the closures of a model hold alike, to 1 %.
-fn seated_alike(model: &Model, a: &Noise, b: &Noise) -> bool {
-    let same = |(x, y): (f64, f64)| (x - y).abs() <= 0.01 * x;
-    a.by_closure(model).into_iter().zip(b.by_closure(model)).all(same)
-}
-
-/// Lengths that differ from sample to sample; `measured` are the variances of the equations that do.
-fn lengths_of(model: &Model, noise: &Noise, measured: &[f64]) -> Vec<Length> {
-    if measured.is_empty() {
-        return Vec::new();
-    }
-    let drawn = |k: usize| noise.measured.get(k).is_some_and(|factor| *factor > 0.0);
-    let declared = Noise { seating: Vec::new(), ..noise.clone() }.measured_lengths(model);
-    let lengths = model.lengths_read().filter(|(k, e)| drawn(*k) && *e < measured.len());
-    let of = |(closure, equation): (usize, usize)| {
-        let (variance, declared) = (measured[equation], declared[equation]);
-        Length { closure, equation, variance, declared }
-    };
-    lengths.map(of).collect()
-}
-
-/// True for two noises that are proportional and differ by no factor, to 1 %.
-fn as_large(a: &Noise, b: &Noise) -> bool {
-    (a.sigma[0] - b.sigma[0]).abs() <= 0.01 * a.sigma[0]
-}
+pub(super) const ROUNDS: usize = 4;
 
 /// A fit whose joints are as soft as readings tell, (176).
 fn solve(
@@ -274,285 +220,18 @@ fn conventions_at_start(
     Conventions::of(here, &gram)
 }
 
-/// A minimum; `holds` are no part of what is found.
-fn minimum(
-    observations: &Observations,
-    model: Model,
-    priors: Vec<Prior>,
-    holds: &[Prior],
-    start: Start,
-    mut noise: Noise,
-) -> Result<Fit, Error> {
-    let all = [&priors[..], holds].concat();
-    let held = held(observations, &model)?;
-    let part = Part {
-        model: &model,
-        readings: &observations.readings,
-        weights: Some(&observations.weights),
-    };
-    let mut beta = start.beta.clone();
-    let groups = Groups::of(&observations.readings, &observations.weights);
-    // What tells channels of a recording apart; no other row's derivatives are looked at.
-    let kept = observations.is_long().then(|| channels::rows_looked_at(&groups));
-    let judged = observations.judged;
-    let earlier = start.adjusted.as_ref().and_then(|it| it.of(&observations.readings));
-    let mut adjusted = earlier.map(<[Lanes]>::to_vec);
-    let ptol = if judged { ENOUGH } else { observations.options.lm.ptol };
-    let lm = lm::SolverOptions { ptol, ..observations.options.lm.clone() };
-    let mut declared = observations.declares_noise();
-    let mut warnings: Vec<Suspicion> =
-        start.warnings.iter().filter(|w| w.of_wiring()).cloned().collect();
-    if !judged {
-        warnings.extend(doubts::of_readings(observations));
-        warnings.extend(doubts::of_closures(&model));
-    }
-    if declared {
-        // Beside an earlier fit, whose noise may not be what is declared.
-        noise = first_noise(observations, None);
-    }
-    let rounding = match judged {
-        true => None,
-        false => Rounding::of(&groups, observations, &presumed(observations)),
-    };
-    let mut with_rounding = None;
-    if let (Some(rounding), true) = (&rounding, declared) {
-        let declared = declared_rounded(observations, rounding);
-        noise = declared.weighed.clone();
-        with_rounding = Some(declared);
-    }
-    let progress = &observations.options.progress;
-    let (mut apart, mut doubted) = (0, false);
-    let mut answer = None;
-    for round in 0..ROUNDS {
-        progress.step()?;
-        let mut parts = vec![(part, noise.clone())];
-        if let Some((model, readings)) = &held {
-            parts.push((Part { model, readings, weights: None }, noise.clone()));
-        }
-        let problem = Implicit::new(parts, &all).from(adjusted.take());
-        let problem = if judged { problem.coarse() } else { problem };
-        let outcome = match observations.options.method {
-            Method::ImplicitLoop if observations.is_long() => {
-                lm::minimize(&Heard { problem: &problem, progress }, &beta, &lm)
-            }
-            Method::ImplicitLoop => lm::minimize(&problem, &beta, &lm),
-            Method::Algebraic => {
-                let paper =
-                    lm::minimize(&Algebraic::new(part, &all), &beta, &observations.options.lm);
-                lm::Outcome { linearization: problem.linearize(&paper.x), ..paper }
-            }
-        };
-        progress.goes_on()?;
-        let outcome = match observations.options.method {
-            Method::ImplicitLoop if !judged => crossed(&problem, &model, outcome, &lm),
-            _ => outcome,
-        };
-        let outcome = unwound(&problem, &model, outcome, &lm);
-        let mut outcome = undrifted(&problem, outcome, &start.beta, &lm);
-        beta.clone_from(&outcome.x);
-        let problem = problem.precise();
-        if judged {
-            // Scores subtract what the fit absorbs: its Gram matrix is that of settled readings.
-            outcome.linearization = problem.linearize(&beta);
-        }
-        let measured = noise.measured_lengths(&model);
-        let residuals = match measured.is_empty() || judged {
-            true => problem.residuals_keeping(&beta, false, kept.as_deref()),
-            false => problem.residuals_by_closure(&beta),
-        };
-        adjusted = Some(problem.into_adjusted());
-        let within = match judged || !observations.readings.held {
-            true => Cow::Borrowed(&residuals),
-            false => contrasts(&groups, &residuals, (&noise.sigma, &measured)),
-        };
-        // What was judged by an earlier fit is not told apart again.
-        let lengths = if judged { Vec::new() } else { lengths_of(&model, &noise, &measured) };
-        if declared && !judged && round + 1 < ROUNDS {
-            let wanted = with_lengths(observations, &groups, &within, &noise, &lengths);
-            if let Some(wanted) = wanted.filter(|wanted| !seated_alike(&model, wanted, &noise)) {
-                noise = wanted;
-                continue;
-            }
-        }
-        if declared && !doubted && !judged {
-            doubted = true;
-            let rounding = rounding.as_ref();
-            let wrong = check_declared(observations, &groups, &within, &noise, rounding);
-            if let Some((factor, by)) = wrong {
-                declared = false;
-                warnings.push(Suspicion::Noise { by, factor, play: within.play });
-            }
-        }
-        if !declared && round + 1 < ROUNDS {
-            let of_steps =
-                |rounding| rounded(observations, &groups, &within, &noise, rounding, &lengths);
-            with_rounding = rounding.as_ref().and_then(of_steps);
-            let (wanted, count, reached) = match &with_rounding {
-                Some(Rounded { weighed, apart, .. }) => {
-                    let reached = proportional(weighed, &noise) && as_large(weighed, &noise);
-                    (weighed.clone(), *apart, reached)
-                }
-                None => {
-                    let (wanted, count) =
-                        told_apart(observations, &groups, &within, &noise, &lengths);
-                    let reached = proportional(&wanted, &noise);
-                    (wanted, count, reached)
-                }
-            };
-            apart = count;
-            if !reached || !seated_alike(&model, &wanted, &noise) {
-                noise = wanted;
-                continue;
-            }
-        }
-        let rounded = with_rounding.as_ref();
-        let estimate = estimate_noise(
-            observations,
-            &groups,
-            &residuals,
-            &within,
-            &noise,
-            rounded,
-            declared,
-            beta.len(),
-        );
-        let estimate = NoiseEstimate { apart, dof: estimate.dof - apart as f64, ..estimate };
-        let scale = estimate.weighed[0] / noise.sigma[0];
-        let same_play = (estimate.weighed_play / noise.play - 1.0).abs() < 1e-3;
-        let played = residuals.play;
-        // Readings alone have a scale: where there is play, the noise is as it was assumed.
-        answer = Some((outcome, residuals, estimate.clone(), if played { 1.0 } else { scale }));
-        let sensitive = !priors.is_empty() || held.is_some() || played;
-        if (scale - 1.0).abs() < 1e-3 && (same_play || !played) || !sensitive {
-            break;
-        }
-        noise = Noise { sigma: estimate.weighed, play: estimate.weighed_play, ..noise };
-    }
-    let Some((outcome, residuals, noise, scale)) = answer else {
-        return Err(Error::Empty("no fit".into()));
-    };
-    let start = Start { warnings, ..start };
-    let found = Found { outcome, residuals, noise, scale, holds };
-    let mut fit = conclude(observations, model, priors, found, start, &groups);
-    if judged {
-        fit.adjusted = adjusted.map(|it| Adjusted::new(&observations.readings, it));
-    } else {
-        let judged = fit.dof >= 1.0 && fit.plausible && !fit.is_lost();
-        let of_play = doubts::of_play(observations, &fit).filter(|_| judged);
-        let chi2 = (judged && of_play.is_none()).then_some([fit.chi2, fit.dof]);
-        let play = fit.model.play().iter().any(|play| *play > 0.0);
-        fit.warnings.extend(doubts::of_noise(observations, &fit.noise, chi2, play));
-        fit.warnings.extend(of_play);
-        if judged && fit.p_value.is_none_or(|p| p > DOUBT) {
-            fit.warnings.extend(doubts::of_knowledge(&fit));
-        }
-        fit.warnings.extend(doubts::of_lengths(observations, &fit.model, &fit.noise));
-        let no_start = !fit.has_start();
-        let fit_by = |other: &Observations, terms: Vec<Instance>| {
-            let again = self::fit(other, terms, None)?;
-            let left = if again.has_start() { again.chi2 / again.dof } else { f64::INFINITY };
-            let Fit { model, beta, .. } = again;
-            Ok(miswired::Again { left, model, beta })
-        };
-        let refit = |other: &Observations| fit_by(other, fit.model.instances.clone());
-        let mut said = Vec::new();
-        let noise = fit.assumed();
-        let left = if no_start { f64::INFINITY } else { fit.chi2 / fit.dof };
-        said.extend(miswired::stuck(observations, &noise, left, refit));
-        if !fit.warnings.iter().chain(&said).any(Suspicion::of_wiring) {
-            if fit.plausible {
-                said.extend(degrees::of_fit(observations, &fit.model, &fit.beta));
-            }
-            said.extend(miswired::in_other_unit(observations, &noise, fit.chi2 / fit.dof, refit));
-        }
-        let wired = !fit.warnings.iter().any(|it| it.of_wiring() && !it.is_no_start());
-        if wired && !said.iter().any(Suspicion::of_wiring) {
-            said.extend(miswired::miswired(observations, &fit.model, &noise, left, fit_by));
-            if !said.iter().any(Suspicion::of_wiring) {
-                said.extend(lengths::in_other_unit(observations, &noise, left, refit));
-            }
-        }
-        fit.warnings.extend(said);
-    }
-    Ok(fit)
-}
-
-/// Upper limit of looks at the places. Nearly all fits need three or fewer.
-const CROSSINGS: usize = 10;
-
-/// A minimum in which nothing that is unknown in a pose has another place that closes better: by parameters as
-/// drawn some are taken for the wrong one.
-fn crossed(
-    problem: &Implicit,
-    model: &Model,
-    outcome: lm::Outcome,
-    options: &lm::SolverOptions,
-) -> lm::Outcome {
-    let mut outcome = outcome;
-    for _ in 0..if model.pose_unknowns() > 0 { CROSSINGS } else { 0 } {
-        if !problem.crosses(&outcome.x) {
-            break;
-        }
-        outcome = lm::minimize(problem, &outcome.x, options);
-    }
-    outcome
-}
-
-/// The same minimum with joints that turn within half a turn of the middle of their limits at the mean
-/// reading, of the drawing where they have none, where whole turns change nothing.
-fn unwound(
-    problem: &Implicit,
-    model: &Model,
-    outcome: lm::Outcome,
-    options: &lm::SolverOptions,
-) -> lm::Outcome {
-    let mut back = outcome.x.clone();
-    for (way, channel) in model.joints() {
-        if let (Way::Turn, Some(offset)) = (way, model.column(Role::Offset, channel)) {
-            let limits = model.mechanism.channels[channel].limits;
-            let middle = |[low, high]: [f64; 2]| 0.5 * (low + high) - model.scales[channel].angle;
-            let off = back[offset] - limits.map_or(0.0, middle);
-            back[offset] -= TAU * (off / TAU).round();
-        }
-    }
-    if back == outcome.x {
-        return outcome;
-    }
-    let there = lm::minimize(problem, &back, options);
-    if there.cost <= outcome.cost * (1.0 + 1e-6) { there } else { outcome }
-}
-
-/// The same minimum with what nothing determines where it was at the start: a direction along
-/// which the cost does not change is left to rounding otherwise, and wanders.
-fn undrifted(
-    problem: &Implicit,
-    outcome: lm::Outcome,
-    start: &[f64],
-    options: &lm::SolverOptions,
-) -> lm::Outcome {
-    let moved: Vec<f64> = outcome.x.iter().zip(start).map(|(x, start)| x - start).collect();
-    let drift = nowhere(&outcome.linearization.gram(), &moved);
-    if !outcome.termination.converged() || drift.iter().all(|d| *d == 0.0) {
-        return outcome;
-    }
-    let back: Vec<f64> = outcome.x.iter().zip(&drift).map(|(x, drift)| x - drift).collect();
-    let there = lm::minimize(problem, &back, options);
-    // Where the direction bends another minimum may be at its end.
-    if there.cost <= outcome.cost * (1.0 + 1e-6) { there } else { outcome }
-}
-
 /// A minimum, and what it was found with.
-struct Found<'a> {
-    outcome: lm::Outcome,
-    residuals: Residuals,
-    noise: NoiseEstimate,
+pub(super) struct Found<'a> {
+    pub(super) outcome: lm::Outcome,
+    pub(super) residuals: Residuals,
+    pub(super) noise: NoiseEstimate,
     /// The estimated noise over the assumed one.
-    scale: f64,
+    pub(super) scale: f64,
     /// What held conventions.
-    holds: &'a [Prior],
+    pub(super) holds: &'a [Prior],
 }
 
-fn conclude(
+pub(super) fn conclude(
     observations: &Observations,
     model: Model,
     priors: Vec<Prior>,

@@ -3,12 +3,15 @@
 mod across;
 pub mod assembly;
 pub(crate) mod been;
+mod bending;
 #[cfg(feature = "document")]
 mod between;
+mod closing;
 mod compile;
 mod compiled;
 pub(crate) mod configurations;
 mod drives;
+mod end_points;
 mod ends;
 mod evaluation;
 mod hanging;

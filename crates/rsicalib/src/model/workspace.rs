@@ -1,10 +1,8 @@
 //! What an evaluation is asked for, and the room that it takes.
 
-use crate::kinematics::elements::Way;
-use crate::kinematics::posture::{Carried, Lever, Posture};
-use crate::model::compiled::Model;
+use crate::kinematics::posture::{Carried, Posture};
 use crate::model::law_at::LawRoom;
-use crate::numerics::lanes::{Lanes, cross, dot};
+use crate::numerics::lanes::Lanes;
 use crate::readings::course::{Late, Moved};
 
 /// The derivatives to compute.
@@ -45,26 +43,4 @@ pub struct Workspace {
     pub(crate) unloaded: Vec<Posture>,
     pub(crate) carried: Vec<Vec<Carried>>,
     pub(crate) laws: LawRoom,
-}
-
-impl Model {
-    /// Derivative of the torque of gravity about lever `j` by lever `s`.
-    #[inline(always)]
-    pub(crate) fn torque_slope(
-        &self,
-        levers: &[Lever],
-        carried: &[Carried],
-        j: usize,
-        s: usize,
-    ) -> Lanes {
-        // All bodies after the later lever move rigidly with the earlier lever.
-        let (turning, moved) = match s <= j {
-            true => (&levers[s], carried[j].moved_by(&levers[j])),
-            false => (&levers[j], carried[s].moved_by(&levers[s])),
-        };
-        match turning.way {
-            Way::Turn => dot(&cross(&turning.axis, &moved), &self.gravity),
-            Way::Slide => Lanes::ZERO,
-        }
-    }
 }
