@@ -154,7 +154,7 @@ pub use monitor::{Alarm, Monitor, MonitorOptions};
 pub use readings::Table;
 pub use report::calibrated::CalibrationReport as Calibration;
 pub use report::front::{calibrate, trace, update};
-pub use report::traced::TraceReport as Trace;
+pub use report::trace_report::TraceReport as Trace;
 pub use report::update::Update;
 
 #[doc(hidden)]

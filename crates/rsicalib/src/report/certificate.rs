@@ -14,7 +14,7 @@ use crate::readings::Table;
 use crate::report::between::ChangingReport;
 use crate::report::document::{Parts, Trace};
 use crate::report::read::Document;
-use crate::report::traced::StepReport;
+use crate::report::trace_report::StepReport;
 
 /// Draws of the largest error, and their seed: the quantile has a relative standard error of 1 to 2 %.
 const DRAWS: (usize, u64) = (2000, 1);

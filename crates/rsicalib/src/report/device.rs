@@ -9,7 +9,8 @@ use crate::estimate::directions::ParameterReport;
 use crate::estimate::progress::{Job, Progress};
 use crate::report::calibrated;
 use crate::report::result::{ExcludedReport, FitReport};
-use crate::report::traced::{self, StepReport};
+use crate::report::trace_report::StepReport;
+use crate::report::traced;
 use crate::report::warned::Warned;
 
 /// A calibration of one device of many, and what was missing from it.

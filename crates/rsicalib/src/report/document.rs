@@ -24,7 +24,7 @@ use crate::report::between::BetweenReport;
 use crate::report::result::{
     ExcludedReport, FitReport, MisclosureReport, NoiseReport, StartReport, WithExcluded,
 };
-use crate::report::traced::{RivalReport, StepReport, Unexplained};
+use crate::report::trace_report::{RivalReport, StepReport, Unexplained};
 use crate::report::update::Update;
 use crate::report::warned::Warned;
 

@@ -10,7 +10,8 @@ use crate::mechanism::Mechanism;
 use crate::monitor::{Monitor, MonitorOptions, Quiet};
 use crate::report::calibrated::{self, CalibrationReport};
 use crate::report::result::Estimates;
-use crate::report::traced::{self, TraceReport};
+use crate::report::trace_report::TraceReport;
+use crate::report::traced;
 use crate::report::update::Update;
 
 /// Estimates the parameters of the terms that are asked for, and judges what is left.

@@ -29,6 +29,8 @@ pub mod result;
 #[doc(hidden)]
 pub mod schema;
 #[doc(hidden)]
+pub mod trace_report;
+#[doc(hidden)]
 pub mod traced;
 #[doc(hidden)]
 pub mod update;
@@ -43,6 +45,6 @@ pub use crate::diagnosis::verdict::Reason;
 pub use crate::estimate::directions::ParameterReport;
 pub use named::Named;
 pub use result::{Estimates, ExcludedReport, FitReport, NoiseReport};
-pub use traced::{Left, Place, RivalReport, StepReport, Unexplained};
+pub use trace_report::{Left, Place, RivalReport, StepReport, Unexplained};
 pub use update::Changed;
 pub use warned::{Kind, Warned};

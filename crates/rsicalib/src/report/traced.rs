@@ -1,11 +1,11 @@
-//! What a trace says, in the shape of the JSON.
+//! A trace, reported: what it found, what data in which that was not found say of it, and the verdict.
 
 use crate::Error;
 use crate::apply::change::{PlatformRms, apart, platform_difference};
 use crate::apply::check::CheckReadings;
 use crate::diagnosis::curve::curve;
-use crate::diagnosis::curve_law::{CurveLaw, curve_law};
-use crate::diagnosis::detectability::{Detectability, could_hide};
+use crate::diagnosis::curve_law::curve_law;
+use crate::diagnosis::detectability::could_hide;
 use crate::diagnosis::elsewhere::{Elsewhere, NotApplied, elsewhere};
 use crate::diagnosis::held_out::{HeldOut, held_out, held_out_rows};
 use crate::diagnosis::localisation::{Residual, residual};
@@ -15,335 +15,21 @@ use crate::diagnosis::score::candidates::differ_by_scale;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::search::rivals::{self, UNKNOWN_NOISE};
 use crate::diagnosis::trace::{Explanation, Found, Traced, trace};
-use crate::diagnosis::unknown_law::{DependsOn, UNKNOWN_LAW, UnknownLaw};
-use crate::diagnosis::verdict::{self, Compared, Determined, Evidence, Judgement, Reason, Verdict};
-use crate::estimate::directions::{directions, place, reported, unit};
+use crate::diagnosis::unknown_law::{UNKNOWN_LAW, UnknownLaw};
+use crate::diagnosis::verdict::{self, Compared, Determined, Evidence, Judgement, Verdict};
+use crate::estimate::directions::{directions, reported, unit};
 use crate::estimate::progress::{Job, Progress, Stage};
 use crate::estimate::{Fit, Implicit, Note, Observations, Part, fit, with_groups};
-use crate::mechanism::{Mechanism, Target};
+use crate::mechanism::Target;
 use crate::model::Instance;
-#[cfg(feature = "serde")]
-use crate::numerics::nullable;
+use crate::monitor::closing::OpenLoops;
 use crate::report::beside::{Beside, GroupsReport};
-use crate::report::result::{
-    self, Estimates, ExcludedReport, FitReport, WithExcluded, estimates, excluded,
+use crate::report::result::{self, Estimates, FitReport, WithExcluded, estimates, excluded};
+use crate::report::trace_report::{
+    FoundLaw, Left, Place, RivalReport, StepParameter, StepReport, TraceReport, Unexplained,
 };
-use crate::report::warned::{self, Warned};
-use crate::report::words;
-use crate::terms::term::{Class, Over};
-
-/// A term at its target.
-#[derive(Debug, Clone, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename = "Name"))]
-#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
-pub struct Place {
-    /// Id of the term.
-    pub term: String,
-    /// Where the fault lies.
-    pub class: Class,
-    /// What the term belongs to.
-    pub target: String,
-    /// Where a searched term acts.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    pub place: Option<String>,
-    /// What people call the target.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    pub label: Option<String>,
-}
-
-impl Place {
-    /// Name of an instance, as results have it.
-    #[must_use]
-    pub fn of(observations: &Observations, instance: &Instance) -> Self {
-        let info = instance.term.info();
-        Self {
-            term: info.id.into(),
-            class: info.class,
-            target: instance.target.name(&observations.mechanism),
-            place: place(observations, instance),
-            label: instance.target.label(&observations.mechanism),
-        }
-    }
-}
-
-/// A parameter of a term that was found missing.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
-pub struct StepParameter {
-    /// Name of the parameter.
-    pub name: String,
-    /// The estimate.
-    #[cfg_attr(feature = "serde", serde(default = "nullable::unknown", with = "nullable"))]
-    #[cfg_attr(feature = "document", schemars(!default, with = "Option<f64>"))]
-    pub value: f64,
-    /// Standard deviation.
-    pub sd: Option<f64>,
-    /// Unit of both.
-    pub unit: String,
-    /// As in `Parameter`.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    pub note: Option<String>,
-}
-
-/// Effects of results of earlier versions are all applied.
-#[cfg(feature = "serde")]
-fn yes() -> bool {
-    true
-}
-
-/// A missing term that was found.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename = "Step"))]
-#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
-pub struct StepReport {
-    /// Id of the term.
-    pub term: String,
-    /// Where the fault lies.
-    pub class: Class,
-    /// What the term belongs to.
-    pub target: String,
-    /// Probability by chance, corrected for the places looked at.
-    #[cfg_attr(feature = "serde", serde(default = "nullable::unknown", with = "nullable"))]
-    #[cfg_attr(feature = "document", schemars(!default, with = "Option<f64>"))]
-    pub p_value: f64,
-    /// False where the effect is named, and no part of `parameters`.
-    #[cfg_attr(feature = "serde", serde(default = "yes"))]
-    pub applied: bool,
-    /// Why it is not applied.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    pub not_applied: Option<NotApplied>,
-    /// Probability of the explanations with this effect among `rivals`; null where there are none.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    pub probability: Option<f64>,
-    /// By how much χ² would rise without the term.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    pub chi2_rise: Option<f64>,
-    /// Estimates.
-    #[cfg_attr(feature = "serde", serde(default))]
-    pub parameters: Vec<StepParameter>,
-    /// Where a searched term acts.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    pub place: Option<String>,
-    /// What people call the target.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    pub label: Option<String>,
-    /// Terms that these poses cannot tell from this one.
-    #[cfg_attr(feature = "serde", serde(default))]
-    pub also_fits: Vec<Place>,
-    /// True where one of these differs from this term by the size of the whole: a length that is known would tell
-    /// them apart, no pose does.
-    #[cfg_attr(feature = "serde", serde(default))]
-    pub needs_length: bool,
-    /// What the term did to the platform pose, the other parameters having absorbed what they can.
-    #[cfg_attr(feature = "serde", serde(default))]
-    pub platform_rms: Option<PlatformRms>,
-    /// Rows of reading and correction, in `curve_unit`; see `curve_over`.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
-    pub curve: Vec<[f64; 2]>,
-    /// Standard deviation of each correction.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
-    pub curve_sd: Vec<f64>,
-    /// `reading`, or `time`: rows are then time, 0 to 1 over the session, and correction.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    pub curve_over: Option<Over>,
-    /// Unit of the corrections: `rad`, the unit of length for a joint that slides, or `1` for a
-    /// fraction of all readings.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    pub curve_unit: Option<String>,
-    /// The closed form behind a free curve, for the readings or times that occur.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    pub curve_law: Option<CurveLaw>,
-    /// Error on poses left out, with this effect and those before.
-    #[cfg_attr(feature = "serde", serde(default))]
-    pub held_out: Option<HeldOut>,
-}
-
-/// Effects that explain a session together, nearly as well as the best do.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(rename = "Rival")
-)]
-#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
-pub struct RivalReport {
-    /// The effects: `unknown_law` is a law that no term has, `unknown_noise` errors that follow none.
-    pub terms: Vec<Place>,
-    /// Price of the explanation: χ² by the noise that may be, with what its effects, their places and wrong
-    /// readings cost.
-    pub chi2_penalised: f64,
-    /// Probability among the explanations that are listed.
-    pub probability: f64,
-}
-
-/// What is left when nothing scores any more.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
-pub struct Unexplained {
-    /// Probability of the residual by chance.
-    pub p_value: Option<f64>,
-    /// Where the structure is.
-    pub target: Option<String>,
-    /// What is left, in words.
-    pub text: String,
-    /// What it is; null in results of earlier versions.
-    #[cfg_attr(feature = "serde", serde(default))]
-    pub kind: Option<Left>,
-    /// What the likeliest law that no term has depends on, where it ties with what was found, or
-    /// something is left.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
-    pub depends_on: Vec<DependsOn>,
-    /// Other targets of which such a law fits as well, the likeliest first.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
-    pub also_of: Vec<String>,
-    /// A formula that fits as well as that law, within 6 in price.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    pub law: Option<FoundLaw>,
-}
-
-/// A formula for the errors of a channel, a link or a closure, which no term has.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
-pub struct FoundLaw {
-    /// The channel, the row of a chain or the closure.
-    pub target: String,
-    /// The correction of its coordinate or value, or by how much its frame moves, as a mechanism file
-    /// writes it.
-    pub formula: String,
-    /// Its parameters.
-    pub parameters: Vec<FormulaParameter>,
-    /// Its probability among all formulas that were weighed and the smooth function.
-    pub probability: f64,
-    /// Lines for the mechanism file that make it a term.
-    pub term: String,
-}
-
-/// A parameter of a formula.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
-pub struct FormulaParameter {
-    /// Its name in the formula.
-    pub name: String,
-    /// The estimate, to first order.
-    pub value: f64,
-    /// Standard deviation.
-    pub sd: f64,
-}
-
-impl FoundLaw {
-    fn of(mechanism: &Mechanism, law: &UnknownLaw) -> Option<Self> {
-        let written = law.written.as_ref()?;
-        let parameters = written.law.parameters.keys().zip(&written.values);
-        Some(Self {
-            target: law.whose.target.name(mechanism),
-            formula: written.law.text().1.to_owned(),
-            parameters: parameters
-                .map(|(name, [value, sd])| FormulaParameter {
-                    name: name.clone(),
-                    value: *value,
-                    sd: *sd,
-                })
-                .collect(),
-            probability: written.probability,
-            term: words::as_term(&written.law),
-        })
-    }
-}
-
-/// What is left after a trace.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "document", derive(schemars::JsonSchema))]
-#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
-#[non_exhaustive]
-pub enum Left {
-    /// No more than noise.
-    Noise,
-    /// Nothing but the fit gives the noise: it cannot be judged.
-    Unjudged,
-    /// No more than noise, but what was found may stand for another effect.
-    Doubtful,
-    /// Errors of the target alone, by a law that no term has.
-    OneTarget,
-    /// The noise is larger than it was declared.
-    DeclaredNoise,
-    /// More than noise, of several.
-    Structure,
-    /// A kind of a later version.
-    #[cfg_attr(feature = "serde", serde(other))]
-    Other,
-}
-
-impl Left {
-    fn of(residual: &Residual) -> Self {
-        match residual {
-            Residual::Noise { .. } => Self::Noise,
-            Residual::Unjudged { .. } => Self::Unjudged,
-            Residual::Doubtful(_) | Residual::UnknownLaw(_) => Self::Doubtful,
-            Residual::Isolated { .. } | Residual::Follows(_) => Self::OneTarget,
-            Residual::Louder { .. } => Self::DeclaredNoise,
-            Residual::Structure(_) => Self::Structure,
-        }
-    }
-}
-
-/// The result of a trace.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-pub struct TraceReport {
-    /// The verdict.
-    pub verdict: Verdict,
-    /// Why it is not better; the first says most.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
-    pub reasons: Vec<Reason>,
-    /// What is absurd beside the size of the mechanism.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
-    pub implausible: Vec<Warned>,
-    /// Suspicious things.
-    pub warnings: Vec<Warned>,
-    /// Readings left out.
-    pub excluded: Vec<ExcludedReport>,
-    /// The fit as asked for with them.
-    pub with_excluded: Option<WithExcluded>,
-    /// The fit as asked for.
-    pub before: FitReport,
-    /// Effects found.
-    pub steps: Vec<StepReport>,
-    /// What the effects do to predictions elsewhere.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    pub elsewhere: Option<Elsewhere>,
-    /// Explanations that are nearly as good as the best, itself included; the best first.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
-    pub rivals: Vec<RivalReport>,
-    /// The fit with them.
-    pub after: FitReport,
-    /// The known poses with the mechanism as it is declared.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    pub nominal: Option<FitReport>,
-    /// How well points that are touched are repeated.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    pub groups: Option<GroupsReport>,
-    /// What is left.
-    pub unexplained: Unexplained,
-    /// What could be there unseen, worst first.
-    pub could_hide: Vec<Detectability>,
-    /// Readings in the known poses, where something is left.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    pub check_readings: Option<CheckReadings>,
-    /// Noise, parameters, covariance and the rest, of the fit after.
-    #[cfg_attr(feature = "serde", serde(flatten))]
-    pub estimates: Estimates,
-    /// Residual of each pose in units of its noise, pose by pose, equation by equation, before.
-    #[cfg_attr(feature = "serde", serde(skip))]
-    pub before_residuals: Vec<f64>,
-    /// The same after.
-    #[cfg_attr(feature = "serde", serde(skip))]
-    pub after_residuals: Vec<f64>,
-}
+use crate::report::{warned, words};
+use crate::terms::term::Class;
 
 /// Traces a session and reports.
 ///
@@ -372,111 +58,26 @@ pub fn traced(
     progress.begin(Job::Trace);
     let mut traced = trace(observations, search)?;
     progress.enter(Stage::HeldOut);
-    let small_before =
-        fit(&traced.small, traced.before.model.instances.clone(), Some(&traced.last))?;
-    let rises: Vec<f64> = traced.found.iter().map(|found| found.rise).collect();
-    let residual = residual(&traced, &rises);
-    let held_out = held_out_with(&traced, &small_before)?;
-    let held_out_before = left_out(&traced, &small_before, &traced.before);
-    let held = held_out_before.zip(held_out.last().copied().flatten());
-    let held = held.map(|(before, after)| compared(&traced, &before, &after));
-    let (elsewhere, not_applied) = elsewhere(&traced, search, &residual).unzip();
-    let worse = held.is_some_and(|held| held.worse());
-    let not_applied = not_applied.unwrap_or_else(|| in_one_session(&traced, search, worse));
-    let applies: Vec<bool> = not_applied.iter().map(Option::is_none).collect();
-    let applied = applied(&traced, &applies)?;
-    let mut before = FitReport::of(&traced.before);
-    let mut after = FitReport::of(&traced.after);
-    if let Some(known) = beside.and_then(|beside| beside.known.as_ref()) {
-        known.judge(observations, &traced.before, &mut before)?;
-        known.judge(&traced.observations, &applied, &mut after)?;
-    }
-    before.held_out = held_out_before;
+    let trial = Trial::of(&traced, search)?;
+    let [before, after] = fits(observations, &traced, &trial, beside)?;
+    let judged = Judged::of(observations, &traced, &trial, [&before, &after], beside)?;
+    let Judged { absurd, nominal, groups, open_loops, estimates, judgement } = judged;
     let rivals = rivals_of(&traced);
-    let steps = traced.found.iter().zip(&not_applied).zip(&held_out);
-    let steps: Vec<StepReport> = steps
-        .map(|((found, not_applied), held_out)| StepReport {
-            held_out: *held_out,
-            ..step((&traced, &rivals), found, *not_applied)
-        })
-        .collect();
-    after.held_out = match held_out.last() {
-        Some(last) => *last,
-        None if traced.last.model.instances == small_before.model.instances => before.held_out,
-        None => left_out(&traced, &traced.last, &traced.after),
-    };
-    let found: Vec<Instance> = traced.found.iter().map(|f| f.instance).collect();
-    // What is not applied is no part of what is used.
-    let used = found.iter().zip(&applies).filter(|(_, applies)| **applies).map(|(i, _)| *i);
-    let absurd = absurdities(&traced.observations, &applied, &used.collect::<Vec<_>>());
-    let directions = directions(&traced.observations, &traced.after);
-    let p_value = traced.p_value;
-    let nominal = beside.map(Beside::nominal).transpose()?.flatten();
-    let groups = beside
-        .map(|beside| {
-            let all = (observations, &traced.before);
-            beside.groups((&traced.observations, &applied), Some(all))
-        })
-        .transpose()?
-        .flatten();
-    let own = match applies.iter().all(|applies| *applies) {
-        true => None,
-        false => Some(self::directions(&traced.observations, &applied)),
-    };
-    let mut estimates =
-        estimates(&traced.observations, &applied, own.as_ref().unwrap_or(&directions));
-    let sd = estimates.predicted.as_ref().map(|predicted| predicted.position_sd);
-    let another = sd.and_then(|sd| Some((rivals::elsewhere(&traced.rivals, sd)?, sd)));
-    let determined = directions.beside(&traced.observations, &found);
-    let determined = Determined::of(&traced.after, &determined);
-    let last = (&traced.observations, &applied);
-    let open_loops = Beside::open_loops(beside, determined, last, &estimates, after.checked())?;
-    let [groups_declared, groups_before] =
-        groups.as_ref().map(GroupsReport::compared).unwrap_or_default();
-    let Judgement { verdict, reasons } = verdict::judge(&Evidence {
-        determined,
-        absurd: !absurd.is_empty(),
-        open: absurd.iter().any(Absurdity::is_of_readings),
-        p_value,
-        chi2_per_dof: after.chi2_per_dof(),
-        loose: traced.after.is_loose(),
-        found: !traced.found.is_empty(),
-        doubtful: matches!(residual, Residual::Doubtful(_) | Residual::UnknownLaw(_)),
-        held_out: after.held_out,
-        held_out_before: held,
-        predicted: estimates.beforehand(),
-        contradicted: traced.after.contradicts_knowledge(),
-        open_loops,
-        check: after.checked(),
-        check_declared: nominal.as_ref().and_then(|nominal| after.beside(nominal)),
-        check_before: after.beside(&before),
-        groups: groups.as_ref().and_then(GroupsReport::expected),
-        groups_declared,
-        groups_before,
+    let steps = traced.found.iter().zip(&trial.not_applied).zip(&trial.held_out);
+    let steps = steps.map(|((found, not_applied), held_out)| StepReport {
+        held_out: *held_out,
+        ..step((&traced, &rivals), found, *not_applied)
     });
-    estimates.say_what_is_left(&traced.observations, &traced.after);
+    let steps: Vec<StepReport> = steps.collect();
     let with_excluded = (!traced.excluded.is_empty()).then(|| WithExcluded {
         fit: before.clone(),
         parameters: result::parameters(observations, &traced.before),
     });
-    let (target, text) = words::residual(&observations.mechanism, &residual);
-    let target = match (&residual, &traced.isolated) {
-        (Residual::Doubtful(_), Some(isolated)) => {
-            Some(isolated.target.name(&observations.mechanism))
-        }
-        _ => target,
-    };
-    let other = |((rival, apart), sd)| words::another(&traced.small.mechanism, rival, apart, sd);
-    let unknown = traced.unknown.as_ref().filter(|law| law.ties());
-    let law = unknown.map(|law| words::unknown_law(&traced.small.mechanism, law));
-    let sound = matches!(verdict, Verdict::Adequate | Verdict::Unjudged);
-    let something = !traced.found.is_empty() || !sound;
-    let untried = words::not_looked_for(&observations.readings).filter(|_| something);
-    let said = another.map(other).into_iter().chain([text]).chain(law).chain(untried);
-    let said: Vec<String> = said.collect();
-    let text = words::sentences(&said);
+    let Judgement { verdict, reasons } = judgement;
+    let sd = estimates.predicted.as_ref().map(|predicted| predicted.position_sd);
+    let unexplained = unexplained(observations, &traced, &trial.residual, verdict, sd);
     progress.enter(Stage::Detectability);
-    let hidden = could_hide(&traced, search)?;
+    let could_hide = could_hide(&traced, search)?;
     // By known poses a result that leaves something says how large its errors are.
     let leaves = matches!(verdict, Verdict::PartlyExplained | Verdict::Unexplained);
     let known = beside.and_then(|beside| beside.known.as_ref()).filter(|_| leaves);
@@ -495,30 +96,18 @@ pub fn traced(
         with_excluded,
         before,
         steps,
-        elsewhere,
+        elsewhere: trial.elsewhere,
         rivals,
         after,
         nominal,
         groups,
-        unexplained: Unexplained {
-            p_value,
-            target,
-            text,
-            kind: Some(Left::of(&residual)),
-            depends_on: unknown.map(|law| law.depends_on.clone()).unwrap_or_default(),
-            also_of: unknown
-                .into_iter()
-                .flat_map(|law| law.targets().split_off(1))
-                .map(|target| target.name(&observations.mechanism))
-                .collect(),
-            law: unknown.and_then(|law| FoundLaw::of(&observations.mechanism, law)),
-        },
-        could_hide: hidden,
+        unexplained,
+        could_hide,
         check_readings: known.map(|known| CheckReadings::of(&observations.mechanism, known)),
         estimates,
         before_residuals: match &traced.stretches {
             Some(_) => by_pose(&traced.observations, &traced.before),
-            None => by_pose(&traced.small, &small_before),
+            None => by_pose(&traced.small, &trial.before),
         },
         after_residuals: by_pose(traced.answer().0, traced.answer().1),
     };
@@ -527,6 +116,180 @@ pub fn traced(
         session.options.progress = Progress::default();
     }
     Ok((report, traced))
+}
+
+/// What data that an effect was not found in say of it, and which effects are applied.
+struct Trial {
+    /// The fit of the search without the effects.
+    before: Fit,
+    /// What is left beside them.
+    residual: Residual,
+    /// Error on poses left out in turn, with each effect and those found before it.
+    held_out: Vec<Option<HeldOut>>,
+    /// The same without effects.
+    held_out_before: Option<HeldOut>,
+    /// The same with all beside that without.
+    compared: Option<Compared>,
+    elsewhere: Option<Elsewhere>,
+    /// Of each effect why it is not applied.
+    not_applied: Vec<Option<NotApplied>>,
+    /// The fit of the session with those that are.
+    applied: Fit,
+}
+
+impl Trial {
+    fn of(traced: &Traced, search: &SearchOptions) -> Result<Self, Error> {
+        let asked = traced.before.model.instances.clone();
+        let before = fit(&traced.small, asked, Some(&traced.last))?;
+        let rises: Vec<f64> = traced.found.iter().map(|found| found.rise).collect();
+        let residual = residual(traced, &rises);
+        let held_out = held_out_with(traced, &before)?;
+        let held_out_before = left_out(traced, &before, &traced.before);
+        let both = held_out_before.zip(held_out.last().copied().flatten());
+        let compared = both.map(|(before, after)| compared(traced, &before, &after));
+        let (elsewhere, not_applied) = elsewhere(traced, search, &residual).unzip();
+        let worse = compared.is_some_and(|compared| compared.worse());
+        let not_applied = not_applied.unwrap_or_else(|| in_one_session(traced, search, worse));
+        let applies: Vec<bool> = not_applied.iter().map(Option::is_none).collect();
+        let applied = applied(traced, &applies)?;
+        Ok(Self {
+            before,
+            residual,
+            held_out,
+            held_out_before,
+            compared,
+            elsewhere,
+            not_applied,
+            applied,
+        })
+    }
+
+    /// True where all that was found is applied.
+    fn applies_all(&self) -> bool {
+        self.not_applied.iter().all(Option::is_none)
+    }
+
+    /// The effects that are applied: what is not is no part of what is used.
+    fn used<'a>(&'a self, traced: &'a Traced) -> impl Iterator<Item = Instance> + 'a {
+        let each = traced.found.iter().zip(&self.not_applied);
+        each.filter(|(_, why)| why.is_none()).map(|(found, _)| found.instance)
+    }
+}
+
+/// The fit as asked for, and the fit with what is applied, by known poses and by poses left out in turn.
+fn fits(
+    observations: &Observations,
+    traced: &Traced,
+    trial: &Trial,
+    beside: Option<&Beside>,
+) -> Result<[FitReport; 2], Error> {
+    let (mut before, mut after) = (FitReport::of(&traced.before), FitReport::of(&traced.after));
+    if let Some(known) = beside.and_then(|beside| beside.known.as_ref()) {
+        known.judge(observations, &traced.before, &mut before)?;
+        known.judge(&traced.observations, &trial.applied, &mut after)?;
+    }
+    before.held_out = trial.held_out_before;
+    after.held_out = match trial.held_out.last() {
+        Some(last) => *last,
+        None if traced.last.model.instances == trial.before.model.instances => before.held_out,
+        None => left_out(traced, &traced.last, &traced.after),
+    };
+    Ok([before, after])
+}
+
+/// The verdict, and the evidence for it that a report shows.
+struct Judged {
+    absurd: Vec<Absurdity>,
+    nominal: Option<FitReport>,
+    groups: Option<GroupsReport>,
+    open_loops: Option<OpenLoops>,
+    estimates: Estimates,
+    judgement: Judgement,
+}
+
+impl Judged {
+    fn of(
+        observations: &Observations,
+        traced: &Traced,
+        trial: &Trial,
+        [before, after]: [&FitReport; 2],
+        beside: Option<&Beside>,
+    ) -> Result<Self, Error> {
+        let last = (&traced.observations, &trial.applied);
+        let absurd = absurdities(last.0, last.1, &trial.used(traced).collect::<Vec<_>>());
+        let of_all = directions(&traced.observations, &traced.after);
+        let own = (!trial.applies_all()).then(|| directions(last.0, last.1));
+        let mut estimates = estimates(last.0, last.1, own.as_ref().unwrap_or(&of_all));
+        let found: Vec<Instance> = traced.found.iter().map(|found| found.instance).collect();
+        let beside_found = of_all.beside(&traced.observations, &found);
+        let determined = Determined::of(&traced.after, &beside_found);
+        let nominal = beside.map(Beside::nominal).transpose()?.flatten();
+        let all = Some((observations, &traced.before));
+        let groups = beside.map(|beside| beside.groups(last, all)).transpose()?.flatten();
+        let [groups_declared, groups_before] =
+            groups.as_ref().map(GroupsReport::compared).unwrap_or_default();
+        let open_loops = Beside::open_loops(beside, determined, last, &estimates, after.checked())?;
+        let judgement = verdict::judge(&Evidence {
+            determined,
+            absurd: !absurd.is_empty(),
+            open: absurd.iter().any(Absurdity::is_of_readings),
+            p_value: traced.p_value,
+            chi2_per_dof: after.chi2_per_dof(),
+            loose: traced.after.is_loose(),
+            found: !traced.found.is_empty(),
+            doubtful: matches!(trial.residual, Residual::Doubtful(_) | Residual::UnknownLaw(_)),
+            held_out: after.held_out,
+            held_out_before: trial.compared,
+            predicted: estimates.beforehand(),
+            contradicted: traced.after.contradicts_knowledge(),
+            open_loops,
+            check: after.checked(),
+            check_declared: nominal.as_ref().and_then(|nominal| after.beside(nominal)),
+            check_before: after.beside(before),
+            groups: groups.as_ref().and_then(GroupsReport::expected),
+            groups_declared,
+            groups_before,
+        });
+        estimates.say_what_is_left(&traced.observations, &traced.after);
+        Ok(Self { absurd, nominal, groups, open_loops, estimates, judgement })
+    }
+}
+
+/// What is left, in words, and the law that it seems to follow; `sd` is what is predicted of positions.
+fn unexplained(
+    observations: &Observations,
+    traced: &Traced,
+    residual: &Residual,
+    verdict: Verdict,
+    sd: Option<f64>,
+) -> Unexplained {
+    let (mechanism, small) = (&observations.mechanism, &traced.small.mechanism);
+    let (target, left) = words::residual(mechanism, residual);
+    let target = match (residual, &traced.isolated) {
+        (Residual::Doubtful(_), Some(isolated)) => Some(isolated.target.name(mechanism)),
+        _ => target,
+    };
+    let another = sd.and_then(|sd| Some((rivals::elsewhere(&traced.rivals, sd)?, sd)));
+    let another = another.map(|((rival, apart), sd)| words::another(small, rival, apart, sd));
+    let unknown = traced.unknown.as_ref().filter(|law| law.ties());
+    let law = unknown.map(|law| words::unknown_law(small, law));
+    let sound = matches!(verdict, Verdict::Adequate | Verdict::Unjudged);
+    let something = !traced.found.is_empty() || !sound;
+    let untried = words::not_looked_for(&observations.readings).filter(|_| something);
+    let said: Vec<String> = another.into_iter().chain([left]).chain(law).chain(untried).collect();
+    Unexplained {
+        p_value: traced.p_value,
+        target,
+        text: words::sentences(&said),
+        kind: Some(Left::of(residual)),
+        depends_on: unknown.map(|law| law.depends_on.clone()).unwrap_or_default(),
+        also_of: unknown
+            .into_iter()
+            .flat_map(|law| law.targets().split_off(1))
+            .map(|target| target.name(mechanism))
+            .collect(),
+        law: unknown.and_then(|law| FoundLaw::of(mechanism, law)),
+    }
 }
 
 /// Which effects are not applied of one session that has no blocks: those of which a law takes the place, and all where

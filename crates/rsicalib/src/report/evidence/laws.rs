@@ -12,7 +12,7 @@ use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::report::evidence::shapes::{Alternative, Law};
 use crate::report::evidence::thinned::{grouped, some};
-use crate::report::traced::Place;
+use crate::report::trace_report::Place;
 use crate::terms::term::{Acts, Needs, Placed};
 
 /// Alternatives that are fitted again and drawn.

@@ -4,7 +4,7 @@ use crate::diagnosis::score::scored::Scored;
 use crate::estimate::Observations;
 use crate::model::Instance;
 use crate::report::evidence::shapes::Score;
-use crate::report::traced::Place;
+use crate::report::trace_report::Place;
 
 /// Scores of a search, as results have them.
 pub fn scores(small: &Observations, scored: &[Scored], chosen: &[Instance]) -> Vec<Score> {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::apply::check::Check;
 use crate::estimate::directions::ParameterReport;
-use crate::report::traced::Place;
+use crate::report::trace_report::Place;
 
 /// What the pictures of a report are drawn from, beyond the result itself.
 ///

@@ -7,7 +7,7 @@ use crate::estimate::directions::{parameter_names, reported};
 use crate::estimate::{Fit, Observations, fit, with_conventions};
 use crate::model::Instance;
 use crate::report::evidence::shapes::{ParameterName, Switch, SwitchFit, Switchboard};
-use crate::report::traced::Place;
+use crate::report::trace_report::Place;
 use crate::report::traced::by_pose;
 use crate::screening::excluded::Excluded;
 
