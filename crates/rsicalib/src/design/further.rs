@@ -7,7 +7,7 @@ use crate::Error;
 use crate::apply::change::PlatformRms;
 use crate::design::candidates::{Candidates, Space, Within, check_counts, workspace};
 use crate::design::choice::{Choice, refined};
-use crate::design::contest::Field;
+use crate::design::contest::{Contest, Field};
 use crate::design::criterion::Criterion;
 use crate::design::forecast::decides;
 use crate::design::hidden::{WorstHidden, with_priors, worst_hidden};
@@ -134,28 +134,7 @@ pub fn further(
     check(observations, options)?;
     let only = [Explained { probability: 1.0, ..Explained::default() }];
     let rivals = if rivals.is_empty() { &only[..] } else { rivals };
-    let search = SearchOptions::default();
-    let base = observations.instances()?;
-    let effects: Vec<Vec<Instance>> = rivals
-        .iter()
-        .map(|r| parse(&observations.mechanism, &observations.readings, &r.effects))
-        .collect::<Result<_, _>>()?;
-    let with = |effects: &[Instance]| -> Vec<Instance> {
-        let more = effects.iter().filter(|e| !base.contains(e));
-        base.iter().chain(more).copied().collect()
-    };
-    let whole = fit(observations, with(&effects[0]), None)?;
-    let mut session = Averaged::new(observations, &whole, &search)?.small;
-    // A search stops where χ² hardly falls: along the valley between two shapes of a curve that is
-    // far from the minimum, and λ lives on the difference.
-    session.options.lm = observations.options.lm.clone();
-    let fits: Vec<Fit> = effects
-        .iter()
-        .map(|effects| Ok(with_conventions(&session, fit(&session, with(effects), Some(&whole))?)))
-        .collect::<Result<_, _>>()?;
-    let all: Vec<Instance> = effects.concat();
-    let shared = |e: &Instance| effects.iter().all(|of| of.contains(e));
-    let own: Vec<Instance> = all.iter().filter(|e| !shared(e)).copied().collect();
+    let Fitted { session, fits, all, own } = fit_rivals(observations, rivals)?;
     let at = Linearised::new(&session, &fits[0], &all, &own)?;
 
     let mut random = Random::new(options.seed);
@@ -188,33 +167,22 @@ pub fn further(
     let sides: Vec<&Side<'_>> = kept.iter().map(|&k| &sides[k]).collect();
     // Of belts nothing is carried whose place a plan could make certain.
     let carries = session.mechanism.points.iter().any(|point| point.chain.is_some());
-    let criterion = options.criterion.unwrap_or(match kept.len() {
-        1 if carries => Criterion::Platform,
-        1 => Criterion::Volume,
-        _ => Criterion::Decide,
-    });
-    if criterion == Criterion::Decide && kept.len() < 2 {
-        let found = "one explanation that poses can tell from others";
-        let expected = "a result that leaves something open; else platform";
-        return Err(Error::option("criterion", found, expected));
-    }
+    let criterion = criterion_of(options, kept.len(), carries)?;
     let moments = moments(&at, &old.gram(), &judged)?;
     let best = sides[0];
-    let omega = criterion.omega(&at, &found, || Ok(moments.position.clone()))?;
-    let mut precision =
-        Precision::new(&best.information, omega.map(|m| submatrix(&m, &best.columns)));
-    let platform = submatrix(&moments.position, &best.columns);
 
-    let mut steps: Vec<Step> = Vec::with_capacity(options.poses);
-    if criterion == Criterion::Decide && visits.dynamic {
+    let steps = if criterion == Criterion::Decide && visits.dynamic {
         if found.len() > AGAIN {
             let chosen = most_telling(&contest, &select(&rows, &sides), AGAIN);
             found = found.some(&chosen);
             rows = rows_of(&found)?;
         }
         let turns = Turns { at: &at, sides: &sides, kept: &kept, found: &found, visits: &visits };
-        steps = turns.decide(&mut contest, rows, &choice)?;
+        turns.decide(&mut contest, rows, &choice)?
     } else {
+        let omega = criterion.omega(&at, &found, || Ok(moments.position.clone()))?;
+        let omega = omega.map(|m| submatrix(&m, &best.columns));
+        let precision = Precision::new(&best.information, omega);
         let choose = |rows: &Whitened, found: &Candidates, _: &[usize]| {
             let rows = select(rows, &sides);
             match criterion {
@@ -225,24 +193,10 @@ pub fn further(
         let chosen;
         (found, rows, chosen) =
             refined(choose, rows_of, (found, rows), &[Vec::new()], &space, &mut random)?;
-        let rows = select(&rows, &sides);
-        for k in chosen {
-            let own = of_each(&rows, k);
-            let gains = contest.gains(&own);
-            contest.visit(&own);
-            let (known, measure) = (precision.information.clone(), precision.measure());
-            precision.visit(own[0]);
-            let sd = |known: &Mat<f64>| known_sd(known, &best.held, &platform);
-            let purpose = match criterion {
-                Criterion::Decide => tells(&gains, &kept, &contest),
-                Criterion::Platform => {
-                    Purpose::Platform { before: sd(&known), after: sd(&precision.information) }
-                }
-                _ => Purpose::Falls { times: (precision.measure() - measure).exp() },
-            };
-            steps.push(Step { candidate: k, wait: 0.0, purpose });
-        }
-    }
+        let platform = submatrix(&moments.position, &best.columns);
+        let told = Told { criterion, kept: &kept, best, platform: &platform };
+        told.steps(&select(&rows, &sides), chosen, &mut contest, precision)
+    };
 
     let chosen: Vec<usize> = steps.iter().map(|s| s.candidate).collect();
     let planned = found.some(&chosen);
@@ -275,6 +229,98 @@ pub fn further(
         forecast,
         reached,
     })
+}
+
+/// The explanations of a session, each with its fit.
+struct Fitted {
+    /// The session as a search sees it.
+    session: Observations,
+    fits: Vec<Fit>,
+    /// The effects of all explanations, and those that not all share.
+    all: Vec<Instance>,
+    own: Vec<Instance>,
+}
+
+fn fit_rivals(observations: &Observations, rivals: &[Explained]) -> Result<Fitted, Error> {
+    let base = observations.instances()?;
+    let effects: Vec<Vec<Instance>> = rivals
+        .iter()
+        .map(|r| parse(&observations.mechanism, &observations.readings, &r.effects))
+        .collect::<Result<_, _>>()?;
+    let with = |effects: &[Instance]| -> Vec<Instance> {
+        let more = effects.iter().filter(|e| !base.contains(e));
+        base.iter().chain(more).copied().collect()
+    };
+    let whole = fit(observations, with(&effects[0]), None)?;
+    let mut session = Averaged::new(observations, &whole, &SearchOptions::default())?.small;
+    // A search stops where χ² hardly falls: along the valley between two shapes of a curve that is
+    // far from the minimum, and λ lives on the difference.
+    session.options.lm = observations.options.lm.clone();
+    let fits: Vec<Fit> = effects
+        .iter()
+        .map(|effects| Ok(with_conventions(&session, fit(&session, with(effects), Some(&whole))?)))
+        .collect::<Result<_, _>>()?;
+    let all: Vec<Instance> = effects.concat();
+    let shared = |e: &Instance| effects.iter().all(|of| of.contains(e));
+    let own = all.iter().filter(|e| !shared(e)).copied().collect();
+    Ok(Fitted { session, fits, all, own })
+}
+
+/// What poses are chosen by, of so many explanations that they can tell apart.
+fn criterion_of(
+    options: &FurtherOptions,
+    explanations: usize,
+    carries: bool,
+) -> Result<Criterion, Error> {
+    let criterion = options.criterion.unwrap_or(match explanations {
+        1 if carries => Criterion::Platform,
+        1 => Criterion::Volume,
+        _ => Criterion::Decide,
+    });
+    if criterion == Criterion::Decide && explanations < 2 {
+        let found = "one explanation that poses can tell from others";
+        let expected = "a result that leaves something open; else platform";
+        return Err(Error::option("criterion", found, expected));
+    }
+    Ok(criterion)
+}
+
+/// What each chosen pose is for.
+struct Told<'a> {
+    criterion: Criterion,
+    /// Numbers of the explanations.
+    kept: &'a [usize],
+    best: &'a Side<'a>,
+    /// How the platform moves with the parameters of the best.
+    platform: &'a Mat<f64>,
+}
+
+impl Told<'_> {
+    fn steps(
+        &self,
+        rows: &[Whitened],
+        chosen: Vec<usize>,
+        contest: &mut Contest,
+        mut precision: Precision,
+    ) -> Vec<Step> {
+        let sd = |known: &Mat<f64>| known_sd(known, &self.best.held, self.platform);
+        let mut step = |k: usize| {
+            let own = of_each(rows, k);
+            let gains = contest.gains(&own);
+            contest.visit(&own);
+            let (known, measure) = (precision.information.clone(), precision.measure());
+            precision.visit(own[0]);
+            let purpose = match self.criterion {
+                Criterion::Decide => tells(&gains, self.kept, contest),
+                Criterion::Platform => {
+                    Purpose::Platform { before: sd(&known), after: sd(&precision.information) }
+                }
+                _ => Purpose::Falls { times: (precision.measure() - measure).exp() },
+            };
+            Step { candidate: k, wait: 0.0, purpose }
+        };
+        chosen.into_iter().map(&mut step).collect()
+    }
 }
 
 fn submatrix(m: &Mat<f64>, columns: &[usize]) -> Mat<f64> {

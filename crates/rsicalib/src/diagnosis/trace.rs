@@ -296,6 +296,29 @@ pub(super) struct Pursued<'a> {
     pub lost: bool,
 }
 
+impl<'a> Pursued<'a> {
+    /// The same, or the search of the session with offsets as drawn where that is likelier; and those offsets.
+    fn or_as_drawn(self, search: &'a SearchOptions) -> Result<(Self, Vec<Instance>), Error> {
+        let Self { observations, clean, base, searched, .. } = &self;
+        let told = &searched.searched.found;
+        let lacking = clean.p_value.is_some_and(|p| p <= LEVEL);
+        let kept = lacking.then(|| without_offsets(&observations.mechanism, base, told)).flatten();
+        let Some(kept) = kept.filter(|_| searched.averaged.stretches.is_none()) else {
+            return Ok((self, Vec::new()));
+        };
+        let mut as_drawn = observations.clone();
+        as_drawn.leave_offsets_as_drawn(&kept);
+        let plain = fit(&as_drawn, kept.clone(), None)?;
+        let other = search_once(&as_drawn, &plain, &kept, search, true)?;
+        let offsets: Vec<Instance> = base.iter().copied().filter(|i| !kept.contains(i)).collect();
+        let (searched, chosen) = likelier(self.searched, other, &offsets)?;
+        Ok(match chosen {
+            true => (Self { searched, clean: plain, observations: as_drawn, ..self }, offsets),
+            false => (Self { searched, ..self }, Vec::new()),
+        })
+    }
+}
+
 /// Screens a session, and searches what is left of it.
 fn pursue<'a>(
     all: &Observations,
@@ -347,12 +370,10 @@ fn pursue<'a>(
 
 /// The search and what comes of it; and whether its fit was absurd before it began.
 fn explain(
-    observations: &Observations,
+    all: &Observations,
     search: &SearchOptions,
     wanted: Scope,
 ) -> Result<(Traced, bool), Error> {
-    let all = observations;
-    let progress = &all.options.progress;
     let before = fit(all, all.instances()?, None)?;
     let wanted = if is_miswired(all, &before) { Scope::Nothing } else { wanted };
     let screened = pursue(all, &before, search, wanted, Kept::Once)?;
@@ -362,46 +383,21 @@ fn explain(
         true => screened.or_whole(pursue(all, &before, search, wanted, Kept::All)?),
         false => screened,
     };
-    let Pursued { mut observations, mut clean, mut excluded, base, late, mut searched, lost } =
-        pursued;
-    let wanted = wanted == Scope::All;
-    let drawn_too =
-        wanted && search.uses(Rule::AsDrawn) && clean.p_value.is_some_and(|p| p <= LEVEL);
-    let told = &searched.searched.found;
-    let drawn = drawn_too.then(|| without_offsets(&observations.mechanism, &base, told)).flatten();
-    let mut offsets = Vec::new();
-    if let Some(kept) = drawn.filter(|_| searched.averaged.stretches.is_none()) {
-        let mut as_drawn = observations.clone();
-        as_drawn.leave_offsets_as_drawn(&kept);
-        let plain = fit(&as_drawn, kept.clone(), None)?;
-        let other = search_once(&as_drawn, &plain, &kept, search, true)?;
-        offsets = base.iter().copied().filter(|i| !kept.contains(i)).collect();
-        let (likelier, chosen) = likelier(searched, other, &offsets)?;
-        searched = likelier;
-        if chosen {
-            (clean, observations) = (plain, as_drawn);
-        } else {
-            offsets.clear();
-        }
-    }
-    progress.enter(Stage::Refit);
+    let (pursued, offsets) = match wanted == Scope::All && search.uses(Rule::AsDrawn) {
+        true => pursued.or_as_drawn(search)?,
+        false => (pursued, Vec::new()),
+    };
+    let Pursued { mut observations, clean, mut excluded, late, searched, lost, .. } = pursued;
+    all.options.progress.enter(Stage::Refit);
     let Search { averaged, searched: pursued, isolated, all: of_all } = searched;
     let Searched { current, found, poses, left, scores, mut rivals } = pursued;
     excluded.extend(poses.iter().map(|step| averaged.excluded(step)));
     let said: Vec<Scored> = found.iter().map(|step| step.scored).chain(poses).collect();
-    let (mut steps, mut bad) = (Vec::new(), Vec::new());
-    for step in found {
-        match scored::is_data(&step.scored.instance) {
-            true => bad.push(averaged.bad_reading(&step.scored.instance, step.blame)),
-            false => steps.push(step),
-        }
-    }
+    let of_data = |step: &FoundEffect| scored::is_data(&step.scored.instance);
+    let (bad, steps): (Vec<_>, Vec<_>) = found.into_iter().partition(of_data);
+    let bad = bad.into_iter().map(|step| averaged.bad_reading(&step.scored.instance, step.blame));
     excluded.extend(bad);
-    for out in excluded.iter().filter(|e| e.row.is_none() && e.channel.is_none()) {
-        let pose = observations.readings.pose.iter();
-        let rows = observations.weights.iter_mut().zip(pose).filter(|(_, p)| Some(**p) == out.pose);
-        rows.for_each(|(weight, _)| *weight = 0.0);
-    }
+    leave_poses_out(&mut observations, &excluded);
     let nothing = current.model.instances.len() == clean.model.instances.len();
     let after = match of_all {
         Some(of_all) => converter::seen_by(&before, of_all),
@@ -453,6 +449,15 @@ fn explain(
         p_value,
     };
     Ok((traced, lost))
+}
+
+/// Takes all samples of poses that are left out as a whole from a session.
+fn leave_poses_out(observations: &mut Observations, excluded: &[Excluded]) {
+    for out in excluded.iter().filter(|e| e.row.is_none() && e.channel.is_none()) {
+        let pose = observations.readings.pose.iter();
+        let rows = observations.weights.iter_mut().zip(pose).filter(|(_, p)| Some(**p) == out.pose);
+        rows.for_each(|(weight, _)| *weight = 0.0);
+    }
 }
 
 /// The instances that have data left: a reading whose pose is left out keeps no parameter.

@@ -70,6 +70,12 @@ impl LawAt {
         suited.map(at).collect()
     }
 
+    /// The joint whose torque or reach a variable is.
+    #[inline(always)]
+    pub(super) fn hangs_at(&self, variable: usize) -> Joint {
+        self.hangs[variable].unwrap_or(self.joint)
+    }
+
     /// The channels that the law refers to by name.
     pub(crate) fn coordinates(&self) -> impl Iterator<Item = usize> {
         let named = self.term.variables.iter().zip(&self.of);

@@ -18,6 +18,14 @@ use crate::numerics::lanes::{Lanes, Vec3, dot, minus};
 use crate::readings::Readings;
 use crate::readings::way::Memory;
 use crate::terms::law::of_channel;
+use crate::terms::term::Site;
+
+/// How chains hang before loads, and what their levers carry.
+struct Hung<'a> {
+    postures: &'a [Posture],
+    carried: &'a [Vec<Carried>],
+    gates: &'a [Lanes],
+}
 
 impl Model {
     /// Computes what each law adds, and its derivatives.
@@ -43,38 +51,10 @@ impl Model {
         for (l, law) in self.laws.iter().enumerate() {
             site.channel = law.joint.channel.unwrap_or_default();
             let term = law.term;
+            let hung = Hung { postures: &ws.unloaded, carried: &ws.carried, gates: &ws.gates };
             let mut seen = [Lanes::ZERO; MOST_VARIABLES];
-            let each = term.variables.iter().zip(&law.of).zip(&law.hangs);
-            for (seen, ((variable, of), hangs)) in seen.iter_mut().zip(each) {
-                *seen = match variable {
-                    Variable::Theta(_) | Variable::Coordinate(_) => ws.angles[*of],
-                    Variable::Column(_) => readings.columns(block)[*of],
-                    Variable::Travelled(_) => {
-                        let gain = self.scales[*of].gain.abs();
-                        readings.remembered(block, *of, Memory::Travelled) * gain
-                    }
-                    Variable::SinceTurn(_) => {
-                        let gain = self.scales[*of].gain;
-                        readings.remembered(block, *of, Memory::SinceTurn) * gain
-                    }
-                    Variable::Play(_, width) => {
-                        let gain = self.scales[*of].gain;
-                        let play = Memory::Play { width: width.value() / gain.abs() };
-                        readings.remembered(block, *of, play) * gain.signum()
-                    }
-                    Variable::Length => self.length_of(law, readings.columns(block), &ws.angles),
-                    Variable::Torque | Variable::TorqueOf(_) | Variable::Reach => {
-                        let joint = hangs.unwrap_or(law.joint);
-                        match (&self.drives, joint.channel) {
-                            _ if *variable == Variable::Reach => {
-                                reach(joint, &ws.unloaded, &ws.carried)
-                            }
-                            (Some(drives), Some(c)) => drives.at(block, law.whose, c),
-                            _ => self.torque(joint, law.whose, &ws.unloaded, &ws.carried),
-                        }
-                    }
-                    own => of_channel(*own, &site),
-                };
+            for (k, seen) in seen.iter_mut().enumerate().take(term.variables.len()) {
+                *seen = self.seen_by(law, k, (readings, block), &site, &ws.angles, &hung);
             }
             let p = &beta[law.first..law.first + term.width];
             let input = |k: usize| match k.checked_sub(p.len()) {
@@ -93,37 +73,78 @@ impl Model {
             for k in 0..term.width {
                 room.by_parameter.push((law.first + k, l, out[1 + k]));
             }
-            let slopes = &out[1 + term.width..];
-            let each = term.variables.iter().zip(&law.of).zip(&law.hangs);
-            for (((variable, of), hangs), slope) in each.zip(slopes) {
-                let (scale, slope) = (&self.scales[site.channel], *slope);
-                let by_reading = match variable {
-                    Variable::Reading => 1.0,
-                    Variable::U => 1.0 / scale.half_range,
-                    Variable::Phi => scale.gain,
-                    Variable::Theta(_) | Variable::Coordinate(_) => {
-                        room.by_joint.push((*of, l, slope));
-                        continue;
-                    }
-                    Variable::Length => {
-                        if let Some(channel) = self.closure_of(law).and_then(|c| c.channel) {
-                            room.by_joint.push((channel, l, slope));
-                        }
-                        continue;
-                    }
-                    Variable::Torque | Variable::TorqueOf(_) if self.drives.is_some() => continue,
-                    Variable::Torque | Variable::TorqueOf(_) | Variable::Reach => {
-                        let joint = hangs.unwrap_or(law.joint);
-                        let whose = (*variable != Variable::Reach).then_some(law.whose);
-                        let (hung, carried) = (&ws.unloaded, &ws.carried);
-                        let gates = &ws.gates;
-                        self.through_posture(joint, whose, l, slope, hung, carried, gates, room);
-                        continue;
-                    }
-                    _ => continue,
-                };
-                room.by_reading.push((site.channel, l, slope * by_reading));
+            for (k, slope) in out[1 + term.width..].iter().enumerate() {
+                self.turn_with(law, (l, k), *slope, site.channel, &hung, room);
             }
+        }
+    }
+
+    /// A variable of a law.
+    #[inline(always)]
+    fn seen_by(
+        &self,
+        law: &LawAt,
+        k: usize,
+        (readings, block): (&Readings, usize),
+        site: &Site,
+        angles: &[Lanes],
+        hung: &Hung,
+    ) -> Lanes {
+        let (variable, of) = (&law.term.variables[k], law.of[k]);
+        let remembered = |memory| readings.remembered(block, of, memory);
+        match variable {
+            Variable::Theta(_) | Variable::Coordinate(_) => angles[of],
+            Variable::Column(_) => readings.columns(block)[of],
+            Variable::Travelled(_) => remembered(Memory::Travelled) * self.scales[of].gain.abs(),
+            Variable::SinceTurn(_) => remembered(Memory::SinceTurn) * self.scales[of].gain,
+            Variable::Play(_, width) => {
+                let gain = self.scales[of].gain;
+                remembered(Memory::Play { width: width.value() / gain.abs() }) * gain.signum()
+            }
+            Variable::Length => self.length_of(law, readings.columns(block), angles),
+            Variable::Reach => reach(law.hangs_at(k), hung.postures, hung.carried),
+            Variable::Torque | Variable::TorqueOf(_) => {
+                let joint = law.hangs_at(k);
+                match (&self.drives, joint.channel) {
+                    (Some(drives), Some(c)) => drives.at(block, law.whose, c),
+                    _ => self.torque(joint, law.whose, hung.postures, hung.carried),
+                }
+            }
+            own => of_channel(*own, site),
+        }
+    }
+
+    /// What moves a law through one of its variables, by which it changes so much.
+    #[inline(always)]
+    fn turn_with(
+        &self,
+        law: &LawAt,
+        (l, k): (usize, usize),
+        slope: Lanes,
+        channel: usize,
+        hung: &Hung,
+        room: &mut LawRoom,
+    ) {
+        let scale = &self.scales[channel];
+        let mut by_reading = |by: f64| room.by_reading.push((channel, l, slope * by));
+        match law.term.variables[k] {
+            Variable::Reading => by_reading(1.0),
+            Variable::U => by_reading(1.0 / scale.half_range),
+            Variable::Phi => by_reading(scale.gain),
+            Variable::Theta(_) | Variable::Coordinate(_) => {
+                room.by_joint.push((law.of[k], l, slope));
+            }
+            Variable::Length => {
+                if let Some(channel) = self.closure_of(law).and_then(|c| c.channel) {
+                    room.by_joint.push((channel, l, slope));
+                }
+            }
+            Variable::Torque | Variable::TorqueOf(_) if self.drives.is_some() => {}
+            Variable::Torque | Variable::TorqueOf(_) => {
+                self.through_posture(law.hangs_at(k), Some(law.whose), l, slope, hung, room);
+            }
+            Variable::Reach => self.through_posture(law.hangs_at(k), None, l, slope, hung, room),
+            _ => {}
         }
     }
 
@@ -182,18 +203,16 @@ impl Model {
 
     /// Derivatives of a law through the torque of a joint by somebody's weight, or through its reach.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "parts of one workspace")]
     fn through_posture(
         &self,
         joint: Joint,
         weight: Option<Weight>,
         l: usize,
         slope: Lanes,
-        hung: &[Posture],
-        carried: &[Vec<Carried>],
-        gates: &[Lanes],
+        hung: &Hung,
         room: &mut LawRoom,
     ) {
+        let Hung { postures: hung, carried, gates } = *hung;
         let Some(own) = own_levers(joint, hung).next() else { return };
         let levers = &hung[joint.chain].levers;
         let (whose, arm) = match weight {

@@ -6,7 +6,7 @@ use crate::Error;
 use crate::diagnosis::price::{Said, mean};
 use crate::diagnosis::score::scored::{Family, Judge, Scored};
 use crate::estimate::{Fit, Implicit, Observations, Part, carry_over};
-use crate::model::Instance;
+use crate::model::{Instance, Model};
 use crate::numerics::lanes::Lanes;
 use crate::numerics::normal_equations::{Own, add_all, add_line};
 use crate::numerics::symmetric::{VISIBLE, eigenvalues};
@@ -176,19 +176,49 @@ pub fn project_blocks(
     named: &[Instance],
     blocks: &[usize],
 ) -> Result<Vec<Projected>, Error> {
-    let base = fit.model.term_parameters;
     let model = observations.model_beside(&fit.model, named)?;
-    let extra: usize = blocks.iter().sum();
-    let nuisance = model.parameters - model.term_parameters;
-    let n = base + nuisance;
-    let beta = carry_over(fit, &model);
+    let sums = score_sums(observations, fit, &model, blocks);
+    let Products { cross, gram, mut gradient } = Products::of(fit, &model, &sums);
+    let all_absorbed = fit.inverse_of(gram) * &cross;
+    // Priors pull on what is fitted: at the minimum their pull balances Xᵀr.
+    for prior in &fit.priors {
+        for (column, slope) in prior.slopes(&fit.beta) {
+            gradient[column] += slope * prior.off(&fit.beta);
+        }
+    }
+    let (mut at, mut first) = (0, 0);
+    let mut projected = Vec::with_capacity(blocks.len());
+    for &width in blocks {
+        let cross = cross.subcols(first, width);
+        let absorbed = all_absorbed.subcols(first, width).to_owned();
+        let raw =
+            Mat::from_fn(width, width, |i, j| sums.square[at + i.min(j) * width + i.max(j)].sum());
+        let square = &raw - cross.transpose() * &absorbed;
+        let own = (0..width).map(|i| {
+            let pull: f64 = gradient.iter().enumerate().map(|(j, g)| absorbed[(j, i)] * g).sum();
+            -(sums.gradient[first + i].sum() - pull)
+        });
+        let gradient = own.collect();
+        let raw = (0..width).map(|i| raw[(i, i)]).collect();
+        projected.push(Projected { square, raw, gradient, absorbed });
+        at += width * width;
+        first += width;
+    }
+    Ok(projected)
+}
 
-    let part = Part {
-        model: &model,
-        readings: &observations.readings,
-        weights: Some(&observations.weights),
-    };
-    let settled = fit.adjusted_of(&observations.readings);
+/// `Xᵀr` and products of columns in blocks of so many, over all samples.
+fn score_sums(
+    observations: &Observations,
+    fit: &Fit,
+    model: &Model,
+    blocks: &[usize],
+) -> ScoreSums {
+    let base = fit.model.term_parameters;
+    let extra: usize = blocks.iter().sum();
+    let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
+    let part = Part { model, readings, weights };
+    let settled = fit.adjusted_of(readings);
     let problem = Implicit::of(part, fit.assumed()).from(settled.map(<[_]>::to_vec));
     let squares: usize = blocks.iter().map(|w| w * w).sum();
     let zero = || ScoreSums {
@@ -202,7 +232,7 @@ pub fn project_blocks(
     };
     let sums = problem.sweep(
         (&fit.model, &fit.beta),
-        &beta,
+        &carry_over(fit, model),
         zero,
         #[inline(always)]
         |sums: &mut ScoreSums, group, w, x| sums.add(group, blocks, w, x),
@@ -210,68 +240,53 @@ pub fn project_blocks(
         |sums: &mut ScoreSums| sums.multiply(blocks),
         |a, b| a.merge(&b),
     );
-    let sums = sums.unwrap_or_else(zero);
+    sums.unwrap_or_else(zero)
+}
 
-    let mut cross = Mat::from_fn(n, extra, |j, i| match j < base {
-        true => sums.cross[i * base + j].sum(),
-        false => 0.0,
-    });
-    let mut base_gradient: Vec<f64> = sums.base.iter().map(|s| s.sum()).collect();
-    base_gradient.resize(n, 0.0);
-    let mut gram = Mat::from_fn(n, n, |i, j| match i.max(j) < base {
-        true => sums.gram[i.max(j) * base + i.min(j)].sum(),
-        false => 0.0,
-    });
-    for own in &sums.own {
-        let others = base + extra;
-        let parameters = &model.columns()[own.group][others..];
-        for (c, parameter) in parameters.iter().enumerate() {
-            let row = parameter - extra;
-            base_gradient[row] += own.gradient[c].sum();
-            let line = &own.gram[c * (others + parameters.len())..];
-            for i in 0..extra {
-                cross[(row, i)] += line[base + i].sum();
-            }
-            let points = parameters[..=c].iter().zip(others..).map(|(p, i)| (p - extra, i));
-            for (column, i) in (0..base).map(|i| (i, i)).chain(points) {
-                gram[(row, column)] += line[i].sum();
-                gram[(column, row)] = gram[(row, column)];
-            }
-        }
-    }
-    let all_absorbed = fit.inverse_of(gram) * &cross;
+/// Sums over all samples of the parameters of a fit, what is unknown included.
+struct Products {
+    /// With each candidate's columns.
+    cross: Mat<f64>,
+    /// `XᵀX`.
+    gram: Mat<f64>,
+    /// `Xᵀr`.
+    gradient: Vec<f64>,
+}
 
-    // Priors pull on what is fitted: at the minimum their pull balances Xᵀr.
-    for prior in &fit.priors {
-        for (column, slope) in prior.slopes(&fit.beta) {
-            base_gradient[column] += slope * prior.off(&fit.beta);
-        }
-    }
-    let (mut at, mut first) = (0, 0);
-    let mut projected = Vec::with_capacity(blocks.len());
-    for &width in blocks {
-        let cross = cross.subcols(first, width);
-        let absorbed = all_absorbed.subcols(first, width).to_owned();
-        let mut raw = Mat::zeros(width, width);
-        for i in 0..width {
-            for j in i..width {
-                raw[(i, j)] = sums.square[at + i * width + j].sum();
-                raw[(j, i)] = raw[(i, j)];
+impl Products {
+    /// `model` is that of the fit with the candidates.
+    fn of(fit: &Fit, model: &Model, sums: &ScoreSums) -> Self {
+        let (base, extra) = (fit.model.term_parameters, sums.gradient.len());
+        let n = base + model.parameters - model.term_parameters;
+        let mut cross = Mat::from_fn(n, extra, |j, i| match j < base {
+            true => sums.cross[i * base + j].sum(),
+            false => 0.0,
+        });
+        let mut gradient: Vec<f64> = sums.base.iter().map(|s| s.sum()).collect();
+        gradient.resize(n, 0.0);
+        let mut gram = Mat::from_fn(n, n, |i, j| match i.max(j) < base {
+            true => sums.gram[i.max(j) * base + i.min(j)].sum(),
+            false => 0.0,
+        });
+        for own in &sums.own {
+            let others = base + extra;
+            let parameters = &model.columns()[own.group][others..];
+            for (c, parameter) in parameters.iter().enumerate() {
+                let row = parameter - extra;
+                gradient[row] += own.gradient[c].sum();
+                let line = &own.gram[c * (others + parameters.len())..];
+                for i in 0..extra {
+                    cross[(row, i)] += line[base + i].sum();
+                }
+                let points = parameters[..=c].iter().zip(others..).map(|(p, i)| (p - extra, i));
+                for (column, i) in (0..base).map(|i| (i, i)).chain(points) {
+                    gram[(row, column)] += line[i].sum();
+                    gram[(column, row)] = gram[(row, column)];
+                }
             }
         }
-        let square = &raw - cross.transpose() * &absorbed;
-        let gradient = (0..width)
-            .map(|i| {
-                let pull: f64 = (0..n).map(|j| absorbed[(j, i)] * base_gradient[j]).sum();
-                -(sums.gradient[first + i].sum() - pull)
-            })
-            .collect();
-        let raw = (0..width).map(|i| raw[(i, i)]).collect();
-        projected.push(Projected { square, raw, gradient, absorbed });
-        at += width * width;
-        first += width;
+        Self { cross, gram, gradient }
     }
-    Ok(projected)
 }
 
 /// Scores of named candidates, (72), and of free shapes.

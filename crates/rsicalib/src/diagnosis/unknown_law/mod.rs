@@ -157,6 +157,19 @@ impl Beside<'_> {
     }
 }
 
+/// What was found in a session, and where laws are looked for.
+#[derive(Clone, Copy)]
+struct Session<'a> {
+    current: &'a Fit,
+    found: &'a [Scored],
+    /// What was found and is no wrong reading.
+    effects: &'a [Scored],
+    rows: &'a [usize],
+    built: &'a [Whose],
+    /// What an error costs that is the same in all poses.
+    constant: f64,
+}
+
 /// The likeliest laws in place of some effects, of one channel.
 struct Weighed {
     gone: Vec<Scored>,
@@ -194,47 +207,17 @@ impl Averaged<'_> {
         let constant = of_places(named_places(named)) + of_number(2) - of_number(1);
         let effects: Vec<Scored> =
             found.iter().copied().filter(|s| !scored::is_data(&s.instance)).collect();
+        let session =
+            Session { current, found, effects: &effects, rows: &rows, built: &built, constant };
         let mut replaced: Vec<Vec<Scored>> = vec![effects.clone()];
         if effects.len() > 1 {
             replaced.extend(effects.iter().map(|s| vec![*s]));
         }
         let mut best: Option<Weighed> = None;
         for gone in replaced {
-            // A law over torque holds what a load does: it is priced as that load, and what is beyond.
-            let over =
-                |whose: &Whose, q: Quantity| gone.iter().any(|s| whose.holds(&s.instance, q));
-            let (held, rest): (Vec<Scored>, Vec<Scored>) =
-                gone.iter().partition(|s| s.instance.term.info().needs != Needs::Nothing);
-            let mut taken = vec![(gone.clone(), (!held.is_empty()).then_some(false))];
-            if !held.is_empty() {
-                taken.push((rest, Some(true)));
-            }
-            let mut fits = Vec::with_capacity(taken.len());
-            for (without, holding) in taken {
-                let fit = self.without(current, &instances(&without))?;
-                let others: Vec<Scored> =
-                    found.iter().filter(|s| !without.contains(s)).copied().collect();
-                // A law that holds an effect is no other thing that is wrong.
-                let beside = effects.len() - without.len();
-                let number = match holding {
-                    Some(true) => 0.0,
-                    _ => of_number(beside + 1) - of_number(beside),
-                };
-                let price = self.said_of(&fit) + paid(&others) + number;
-                fits.push((fit, price, holding));
-            }
-            let beside: Vec<Beside> = fits
-                .iter()
-                .map(|(fit, price, holding)| self.beside(fit, *price, *holding, &built))
-                .collect::<Result<_, _>>()?;
-            let variables = variables(&beside[0].at, &rows)?;
-            let scans = scans(&beside, &rows, &variables, &over, (&built, constant, &self.data));
-            let Some(least) = scans.iter().map(|scan| scan.price).reduce(f64::min) else {
-                continue;
-            };
-            if best.as_ref().is_none_or(|b| least < b.scans[0].price) {
-                let (fit, price, _) = fits.swap_remove(0);
-                best = Some(Weighed { gone, fit, price, variables, scans });
+            let Some(weighed) = self.weighed(&session, gone)? else { continue };
+            if best.as_ref().is_none_or(|b| weighed.scans[0].price < b.scans[0].price) {
+                best = Some(weighed);
             }
         }
         let Some(Weighed { gone, fit, price, variables, scans }) = best else { return Ok(None) };
@@ -275,6 +258,44 @@ impl Averaged<'_> {
             depends_on: on.iter().map(|on| on.named(&self.small)).collect(),
             variables: on.into_iter().map(|on| (on.quantity, on.also)).collect(),
         }))
+    }
+
+    /// The likeliest laws in place of these effects; none where none can be weighed.
+    fn weighed(&self, session: &Session, gone: Vec<Scored>) -> Result<Option<Weighed>, Error> {
+        let Session { current, found, effects, rows, built, constant } = *session;
+        // A law over torque holds what a load does: it is priced as that load, and what is beyond.
+        let over = |whose: &Whose, q: Quantity| gone.iter().any(|s| whose.holds(&s.instance, q));
+        let (held, rest): (Vec<Scored>, Vec<Scored>) =
+            gone.iter().partition(|s| s.instance.term.info().needs != Needs::Nothing);
+        let mut taken = vec![(gone.clone(), (!held.is_empty()).then_some(false))];
+        if !held.is_empty() {
+            taken.push((rest, Some(true)));
+        }
+        let mut fits = Vec::with_capacity(taken.len());
+        for (without, holding) in taken {
+            let fit = self.without(current, &instances(&without))?;
+            let others: Vec<Scored> =
+                found.iter().filter(|s| !without.contains(s)).copied().collect();
+            // A law that holds an effect is no other thing that is wrong.
+            let beside = effects.len() - without.len();
+            let number = match holding {
+                Some(true) => 0.0,
+                _ => of_number(beside + 1) - of_number(beside),
+            };
+            let price = self.said_of(&fit) + paid(&others) + number;
+            fits.push((fit, price, holding));
+        }
+        let beside: Vec<Beside> = fits
+            .iter()
+            .map(|(fit, price, holding)| self.beside(fit, *price, *holding, built))
+            .collect::<Result<_, _>>()?;
+        let variables = variables(&beside[0].at, rows)?;
+        let scans = scans(&beside, rows, &variables, &over, (built, constant, &self.data));
+        if scans.is_empty() {
+            return Ok(None);
+        }
+        let (fit, price, _) = fits.swap_remove(0);
+        Ok(Some(Weighed { gone, fit, price, variables, scans }))
     }
 
     /// Laws of channels, and of what is built, beside a fit of this price.
