@@ -264,26 +264,12 @@ pub(super) fn conclude(
     };
     let Told { gram, inverse, unknowable, condition } = Told::of(&conventions, gram);
 
-    let k = residuals.equations;
-    let live: Vec<usize> =
-        (0..observations.readings.samples).filter(|&r| observations.weights[r] > 0.0).collect();
-    let of = |r: &usize| residuals.whitened[r * k..(r + 1) * k].iter().map(|v| v * v).sum::<f64>();
-    let total: f64 = live.iter().map(of).sum();
-    let told = model.told_by(&observations.readings, &observations.weights);
-    let (mut chi2, mut dof) =
-        (total, told as f64 - free_parameters(&gram, &inverse, &priors, &outcome.x));
-    let mut within = 0.0;
-    if noise.source.independent() {
-        let scatter = groups.scatter(&residuals, 0.0);
-        chi2 = (chi2 - scatter.within).max(0.0) / noise.inflation;
-        within = scatter.dof;
-        dof -= within;
-    }
+    let free = free_parameters(&gram, &inverse, &priors, &outcome.x);
     // The Gram matrix tells nothing of a turn that play has told.
-    dof -= conventions.number_of_turns() as f64;
-    let p_value = (noise.judges() && dof >= 1.0 && noise.dof_of_pose() > 0.0)
-        .then(|| distributions::f_tail(chi2 / dof, dof, noise.dof_of_pose()));
-
+    let free = free + conventions.number_of_turns() as f64;
+    let told = model.told_by(&observations.readings, &observations.weights);
+    let lack = LackOfFit::of(observations, groups, &residuals, &noise, told as f64 - free);
+    let LackOfFit { total, chi2, dof, within, p_value } = lack;
     let wider = widening(&noise, p_value, chi2 / dof);
     let covariance = times(&inverse, wider);
     let weights = Some(&observations.weights[..]);
@@ -328,6 +314,46 @@ pub(super) fn conclude(
         warnings,
         between: None,
         adjusted: None,
+    }
+}
+
+/// What is left of a fit.
+struct LackOfFit {
+    /// `rᵀr`.
+    total: f64,
+    /// The part that is judged, and its degrees of freedom.
+    chi2: f64,
+    dof: f64,
+    /// Degrees of freedom of what repeats show.
+    within: f64,
+    /// Probability by chance; none where nothing judges it.
+    p_value: Option<f64>,
+}
+
+impl LackOfFit {
+    /// `dof` are the degrees of freedom of all residuals.
+    fn of(
+        observations: &Observations,
+        groups: &Groups,
+        residuals: &Residuals,
+        noise: &NoiseEstimate,
+        mut dof: f64,
+    ) -> Self {
+        let k = residuals.equations;
+        let live = (0..observations.readings.samples).filter(|&r| observations.weights[r] > 0.0);
+        let of =
+            |r: usize| residuals.whitened[r * k..(r + 1) * k].iter().map(|v| v * v).sum::<f64>();
+        let total: f64 = live.map(of).sum();
+        let (mut chi2, mut within) = (total, 0.0);
+        if noise.source.independent() {
+            let scatter = groups.scatter(residuals, 0.0);
+            chi2 = (chi2 - scatter.within).max(0.0) / noise.inflation;
+            within = scatter.dof;
+            dof -= within;
+        }
+        let judged = noise.judges() && dof >= 1.0 && noise.dof_of_pose() > 0.0;
+        let p_value = judged.then(|| distributions::f_tail(chi2 / dof, dof, noise.dof_of_pose()));
+        Self { total, chi2, dof, within, p_value }
     }
 }
 

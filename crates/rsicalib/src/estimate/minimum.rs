@@ -16,8 +16,8 @@ use crate::estimate::noise::rounding::Rounding;
 use crate::estimate::noise::scatter::Groups;
 use crate::estimate::noise::seating::contrasts;
 use crate::estimate::noise::source::{
-    NoiseEstimate, Rounded, check_declared, declared_rounded, estimate_noise, first_noise,
-    presumed, rounded, told_apart, with_lengths,
+    NoiseEstimate, Rounded, Shown, check_declared, declared_rounded, first_noise, presumed,
+    rounded, told_apart, with_lengths,
 };
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
@@ -162,18 +162,17 @@ impl<'a> Rounds<'a> {
         within: &Residuals,
         parameters: usize,
     ) -> NoiseEstimate {
-        let Self { observations, groups, noise, rounded, declared, .. } = self;
-        let rounded = rounded.as_ref();
-        let estimate = estimate_noise(
-            observations,
-            groups,
+        let shown = Shown {
+            observations: self.observations,
+            groups: &self.groups,
             residuals,
             within,
-            noise,
-            rounded,
-            *declared,
+            used: &self.noise,
+            rounded: self.rounded.as_ref(),
+            declared: self.declared,
             parameters,
-        );
+        };
+        let estimate = shown.estimate();
         NoiseEstimate { apart: self.apart, dof: estimate.dof - self.apart as f64, ..estimate }
     }
 }

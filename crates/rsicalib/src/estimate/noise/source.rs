@@ -396,105 +396,130 @@ pub(crate) fn check_declared(
     Some((factor, if held { Witness::Repeats } else { Witness::Neighbours }))
 }
 
-/// The noise that these residuals show, by the best source there is. `within` are those whitened by
-/// what repeats show.
-#[expect(clippy::too_many_arguments, reason = "every source of noise")]
-pub(crate) fn estimate_noise(
-    observations: &Observations,
-    groups: &Groups,
-    residuals: &Residuals,
-    within: &Residuals,
-    used: &Noise,
-    rounded: Option<&Rounded>,
-    declared: bool,
-    parameters: usize,
-) -> NoiseEstimate {
-    let rounding = roundings(observations, used).fold(f64::INFINITY, f64::min).sqrt();
-    let share = roundings(observations, used).sum::<f64>() / used.sigma.len() as f64;
-    let steady = rounded.and_then(|rounded| rounded.scatter);
-    let scatter = steady.unwrap_or_else(|| groups.scatter(within, share));
-    let seen = scatter.within / scatter.dof.max(1.0) / scatter.shown;
-    let least = resolution(observations, used).max(f64::MIN_POSITIVE);
-    let still = seen.sqrt() <= least;
-    // Rounding has no correlation but what lasts.
-    let all_rounded = !declared && rounded.is_some() && steady.is_none();
-    let scatter = if still || all_rounded { scatter.alone() } else { scatter };
-    let Scatter { correlation, inflation, slow, effective, shown, dof, .. } = scatter;
-    let one = rounded.map_or(&used.sigma, |rounded| &rounded.one);
-    let none = vec![false; one.len()];
-    let lasting = rounded.map_or(&none, |rounded| &rounded.lasting);
-    let Noise { play, measured, .. } = first_noise(observations, None);
-    let seating = &used.seating;
-    let (held, dof_of_repeats) = (observations.readings.held, dof);
-    let scaled = |s: f64, source, dof| NoiseEstimate {
-        source,
-        sigma: one.iter().map(|v| v * s).collect(),
-        weighed: used.sigma.iter().map(|v| v * s).collect(),
-        lasting: lasting.clone(),
-        still: still && dof_of_repeats >= LEAST_DOF,
-        play,
-        seating: seating.clone(),
-        measured: measured.clone(),
-        weighed_play: if held { play / inflation } else { play },
-        dof,
-        share: residuals.readings_share,
-        correlation,
-        inflation,
-        slow,
-        apart: 0,
-    };
-    if declared {
-        return scaled(1.0, Source::Declared, f64::INFINITY);
+/// What shows the noise of a fit.
+pub(crate) struct Shown<'a> {
+    pub observations: &'a Observations,
+    pub groups: &'a Groups,
+    pub residuals: &'a Residuals,
+    /// Residuals whitened by what repeats show.
+    pub within: &'a Residuals,
+    /// The noise by which they are whitened.
+    pub used: &'a Noise,
+    /// The noise where channels read in steps that are unlike.
+    pub rounded: Option<&'a Rounded>,
+    /// True for a noise that is declared.
+    pub declared: bool,
+    /// Number of the fit's parameters.
+    pub parameters: usize,
+}
+
+impl Shown<'_> {
+    /// The noise that these residuals show, by the best source there is.
+    pub(crate) fn estimate(&self) -> NoiseEstimate {
+        let Self { observations, groups, residuals, within, used, rounded, declared, .. } = *self;
+        let rounding = roundings(observations, used).fold(f64::INFINITY, f64::min).sqrt();
+        let share = roundings(observations, used).sum::<f64>() / used.sigma.len() as f64;
+        let steady = rounded.and_then(|rounded| rounded.scatter);
+        let scatter = steady.unwrap_or_else(|| groups.scatter(within, share));
+        let seen = scatter.within / scatter.dof.max(1.0) / scatter.shown;
+        let least = resolution(observations, used).max(f64::MIN_POSITIVE);
+        let still = seen.sqrt() <= least;
+        // Rounding has no correlation but what lasts.
+        let all_rounded = !declared && rounded.is_some() && steady.is_none();
+        let scatter = if still || all_rounded { scatter.alone() } else { scatter };
+        let Scatter { effective, shown, dof, .. } = scatter;
+        let held = observations.readings.held;
+        let scaled = |s: f64, source, dof| self.scaled(s, source, dof, (&scatter, still));
+        if declared {
+            return scaled(1.0, Source::Declared, f64::INFINITY);
+        }
+        if all_rounded {
+            return scaled(1.0, Source::Quantisation, f64::INFINITY);
+        }
+        if steady.is_some() {
+            return scaled(1.0, Source::Repeats, effective.max(1.0));
+        }
+        let mean_square = scatter.within / dof.max(1.0) / shown;
+        // Rows of a motion that resemble their neighbours so much that few are left of them tell no noise:
+        // what is left changes more slowly than over the rows of a group, and may be no noise at all.
+        let differ = if held { dof } else { dof.min(effective) };
+        let told = differ >= LEAST_DOF && (!still || rounding > 0.0);
+        if told {
+            let lasting = groups.lasting_rounding(observations) * share;
+            // In a recording every row has a play of its own, and a length that is measured has its noise.
+            let white = variance_of_readings(within, mean_square, dof);
+            let variance = (white + lasting).max(rounding * rounding);
+            let (source, dof) = if white < lasting || white + lasting < variance {
+                (Source::Quantisation, f64::INFINITY)
+            } else if held {
+                (Source::Repeats, effective.max(1.0))
+            } else {
+                (Source::Neighbours, effective.max(1.0))
+            };
+            let estimate = scaled(variance.sqrt(), source, dof);
+            return estimate.with_lasting(lasting / variance, groups.usual());
+        }
+        if plays(observations) && dof >= LEAST_DOF {
+            // Readings that stand still in every pose: what is left of noise is the play.
+            return scaled(least, Source::Declared, f64::INFINITY);
+        }
+        if plays(observations) && residuals.readings_share < LARGER_PART && !observations.by_fit {
+            return scaled(1.0, Source::Presumed, f64::INFINITY);
+        }
+        let (variance, free) = self.of_fit();
+        let s = variance.sqrt().max(rounding).max(f64::MIN_POSITIVE);
+        let repeats = dof + observations.doubled.len() as f64;
+        if still && repeats >= LEAST_DOF && s <= least {
+            // Repeats are the same numbers, and loops close as exactly as numbers are written.
+            return scaled(least, Source::Quantisation, f64::INFINITY);
+        }
+        scaled(s, Source::Fit, free)
     }
-    if all_rounded {
-        return scaled(1.0, Source::Quantisation, f64::INFINITY);
+
+    /// So much of the noise that is used; `still` where repeats do not differ.
+    fn scaled(
+        &self,
+        s: f64,
+        source: Source,
+        dof: f64,
+        (scatter, still): (&Scatter, bool),
+    ) -> NoiseEstimate {
+        let Scatter { correlation, inflation, slow, .. } = *scatter;
+        let one = self.rounded.map_or(&self.used.sigma, |rounded| &rounded.one);
+        let lasting = self.rounded.map(|rounded| rounded.lasting.clone());
+        let Noise { play, measured, .. } = first_noise(self.observations, None);
+        let held = self.observations.readings.held;
+        NoiseEstimate {
+            source,
+            sigma: one.iter().map(|v| v * s).collect(),
+            weighed: self.used.sigma.iter().map(|v| v * s).collect(),
+            lasting: lasting.unwrap_or_else(|| vec![false; one.len()]),
+            still: still && scatter.dof >= LEAST_DOF,
+            play,
+            seating: self.used.seating.clone(),
+            measured,
+            weighed_play: if held { play / inflation } else { play },
+            dof,
+            share: self.residuals.readings_share,
+            correlation,
+            inflation,
+            slow,
+            apart: 0,
+        }
     }
-    if steady.is_some() {
-        return scaled(1.0, Source::Repeats, effective.max(1.0));
+
+    /// Variance of the readings by what the fit leaves, and degrees of freedom.
+    fn of_fit(&self) -> (f64, f64) {
+        let Self { observations, residuals, .. } = *self;
+        let k = residuals.equations;
+        let live = (0..observations.readings.samples).filter(|&r| observations.weights[r] > 0.0);
+        let live: Vec<usize> = live.collect();
+        let all = live.iter().flat_map(|r| &residuals.whitened[r * k..(r + 1) * k]);
+        let total: f64 = all.map(|r| r * r).sum();
+        let told: usize = live.iter().map(|&row| residuals.directions_of(row)).sum();
+        let free = (told as f64 - self.parameters as f64).max(1.0);
+        (variance_of_readings(residuals, total / free, free), free)
     }
-    let differences = within;
-    let within = scatter.within / dof.max(1.0) / shown;
-    // Rows of a motion that resemble their neighbours so much that few are left of them tell no noise:
-    // what is left changes more slowly than over the rows of a group, and may be no noise at all.
-    let differ = if held { dof } else { dof.min(effective) };
-    let told = differ >= LEAST_DOF && (!still || rounding > 0.0);
-    if told {
-        let lasting = groups.lasting_rounding(observations) * share;
-        // In a recording every row has a play of its own, and a length that is measured has its noise.
-        let white = variance_of_readings(differences, within, dof);
-        let variance = (white + lasting).max(rounding * rounding);
-        let (source, dof) = if white < lasting || white + lasting < variance {
-            (Source::Quantisation, f64::INFINITY)
-        } else if held {
-            (Source::Repeats, effective.max(1.0))
-        } else {
-            (Source::Neighbours, effective.max(1.0))
-        };
-        let estimate = scaled(variance.sqrt(), source, dof);
-        return estimate.with_lasting(lasting / variance, groups.usual());
-    }
-    if plays(observations) && dof >= LEAST_DOF {
-        // Readings that stand still in every pose: what is left of noise is the play.
-        return scaled(least, Source::Declared, f64::INFINITY);
-    }
-    if plays(observations) && residuals.readings_share < LARGER_PART && !observations.by_fit {
-        return scaled(1.0, Source::Presumed, f64::INFINITY);
-    }
-    let k = residuals.equations;
-    let live: Vec<usize> =
-        (0..observations.readings.samples).filter(|&r| observations.weights[r] > 0.0).collect();
-    let total: f64 =
-        live.iter().flat_map(|r| &residuals.whitened[r * k..(r + 1) * k]).map(|r| r * r).sum();
-    let told: usize = live.iter().map(|&row| residuals.directions_of(row)).sum();
-    let free = (told as f64 - parameters as f64).max(1.0);
-    let variance = variance_of_readings(residuals, total / free, free);
-    let s = variance.sqrt().max(rounding).max(f64::MIN_POSITIVE);
-    let repeats = dof + observations.doubled.len() as f64;
-    if still && repeats >= LEAST_DOF && s <= least {
-        // Repeats are the same numbers, and loops close as exactly as numbers are written.
-        return scaled(least, Source::Quantisation, f64::INFINITY);
-    }
-    scaled(s, Source::Fit, free)
 }
 
 /// Variance of the readings, in units of what whitens residuals, whose square is so much in the mean
