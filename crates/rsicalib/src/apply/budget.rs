@@ -334,6 +334,71 @@ impl Effect {
     }
 }
 
+/// How the parameters of the model move.
+struct Moves {
+    /// With draws of the parameters of a result.
+    by_root: DMatrix<f64>,
+    /// With what changes between placements, in units of its standard deviations.
+    by_change: DMatrix<f64>,
+    /// With the parameters of all effects that are unseen.
+    by_effects: DMatrix<f64>,
+    effects: Vec<Effect>,
+}
+
+impl Moves {
+    /// `acting` are the effects that act in these readings.
+    fn of(
+        mechanism: &Mechanism,
+        under: &Under,
+        errors: &Errors,
+        beta: &[f64],
+        acting: &[Spec],
+    ) -> Result<Self, Error> {
+        let map = under.by_reported(beta);
+        let n = map.ncols();
+        let root = square_root(&DMatrix::from_row_slice(n, n, &errors.covariance));
+        let changes_by: Vec<f64> = errors.between.iter().map(|v| v.max(0.0).sqrt()).collect();
+        let expected = if changes_by.is_empty() { 0 } else { n };
+        Error::same("between placements", changes_by.len(), expected)?;
+        let changing: Vec<usize> = (0..changes_by.len()).filter(|&k| changes_by[k] > 0.0).collect();
+        let by_change = DMatrix::from_fn(beta.len(), changing.len(), |i, k| {
+            map[(i, changing[k])] * changes_by[changing[k]]
+        });
+        let width = errors.unseen.iter().map(|(_, u)| u.mean.len()).sum();
+        let mut by_effects = DMatrix::<f64>::zeros(beta.len(), width);
+        let (mut effects, mut first) = (Vec::with_capacity(errors.unseen.len()), 0);
+        for (spec, unseen) in &errors.unseen {
+            let d = unseen.mean.len();
+            Error::same("covariance of an effect", unseen.covariance.concat().len(), d * d)?;
+            let known = unseen.moves.len().min(n);
+            Error::same("moves of an effect", unseen.moves.concat().len(), unseen.moves.len() * d)?;
+            for k in 0..d {
+                for (i, row) in unseen.moves.iter().take(known).enumerate() {
+                    by_effects.column_mut(first + k).axpy(-row[k], &map.column(i), 1.0);
+                }
+            }
+            if acting.contains(spec) {
+                for instance in instances_of(mechanism, &under.readings, spec)? {
+                    let at = under.model.instances.iter().position(|i| *i == instance);
+                    if let Some(column) = at.map(|i| under.model.first[i]) {
+                        (0..d).for_each(|k| by_effects[(column + k, first + k)] += 1.0);
+                    }
+                }
+            }
+            let covariance = DMatrix::from_row_slice(d, d, &unseen.covariance.concat());
+            effects.push(Effect {
+                name: spec.to_string(),
+                probability: unseen.probability,
+                first,
+                mean: unseen.mean.clone(),
+                root: square_root(&covariance),
+            });
+            first += d;
+        }
+        Ok(Self { by_root: &map * root, by_change, by_effects, effects })
+    }
+}
+
 impl Places {
     fn new(
         mechanism: &Mechanism,
@@ -367,92 +432,46 @@ impl Places {
             }
             false => None,
         };
-        let map = under.by_reported(&beta);
-        let root = square_root(&DMatrix::from_row_slice(n, n, &errors.covariance));
-        let changes_by: Vec<f64> = errors.between.iter().map(|v| v.max(0.0).sqrt()).collect();
-        Error::same(
-            "between placements",
-            changes_by.len(),
-            if changes_by.is_empty() { 0 } else { n },
-        )?;
-        let changing: Vec<usize> = (0..changes_by.len()).filter(|&k| changes_by[k] > 0.0).collect();
-        let mut effects = Vec::with_capacity(errors.unseen.len());
-        // How the parameters of the model change with those of all effects.
-        let width = errors.unseen.iter().map(|(_, u)| u.mean.len()).sum();
-        let mut changes = DMatrix::<f64>::zeros(beta.len(), width);
-        let mut first = 0;
-        for (spec, unseen) in &errors.unseen {
-            let d = unseen.mean.len();
-            Error::same("covariance of an effect", unseen.covariance.concat().len(), d * d)?;
-            let known = unseen.moves.len().min(n);
-            Error::same("moves of an effect", unseen.moves.concat().len(), unseen.moves.len() * d)?;
-            for k in 0..d {
-                for (i, row) in unseen.moves.iter().take(known).enumerate() {
-                    let by = row[k];
-                    changes.column_mut(first + k).axpy(-by, &map.column(i), 1.0);
-                }
-            }
-            if acting.contains(spec) {
-                for instance in instances_of(mechanism, &under.readings, spec)? {
-                    let at = under.model.instances.iter().position(|i| *i == instance);
-                    if let Some(column) = at.map(|i| under.model.first[i]) {
-                        (0..d).for_each(|k| changes[(column + k, first + k)] += 1.0);
-                    }
-                }
-            }
-            let covariance = DMatrix::from_row_slice(d, d, &unseen.covariance.concat());
-            effects.push(Effect {
-                name: spec.to_string(),
-                probability: unseen.probability,
-                first,
-                mean: unseen.mean.clone(),
-                root: square_root(&covariance),
-            });
-            first += d;
-        }
-        let by_root = &map * root;
-        let by_change = DMatrix::from_fn(beta.len(), changing.len(), |i, k| {
-            map[(i, changing[k])] * changes_by[changing[k]]
-        });
+        let moves = Moves::of(mechanism, &under, errors, &beta, &acting)?;
         let angles = quantity == Quantity::Orientation;
         let from = if angles { 3 } else { 0 };
         let width = at.len() / under.readings.samples.max(1);
-        let mut all = Vec::new();
-        for (k, s) in slopes.iter().enumerate() {
+        let to = if posed { from + 3 } else { width };
+        let place = |(k, s): (usize, &Slopes), first: usize| {
             let here = &at[s.row * width..(s.row + 1) * width];
-            for first in (from..if posed { from + 3 } else { width }).step_by(3) {
-                let slopes = s.by_parameter.rows(first, 3);
-                let mut noise = s.by_reading.rows(first, 3).into_owned();
-                for (c, sigma) in applied.sigma.iter().enumerate() {
-                    noise.column_mut(c).scale_mut(*sigma);
-                }
-                let (held, effects_held) = match &going_on {
-                    Some((on, on_slopes)) => {
-                        let of = |i: usize| {
-                            let apart = on[s.row * width + i] - here[i];
-                            if angles { short_way(apart) } else { apart }
-                        };
-                        let more = on_slopes[k].by_parameter.rows(first, 3) - slopes;
-                        ((first..first + 3).map(of).collect(), more * &changes)
-                    }
-                    None => (Vec::new(), DMatrix::zeros(3, 0)),
-                };
-                let (parameters, effects) = (slopes * &by_root, slopes * &changes);
-                let between = slopes * &by_change;
-                let at = Vector3::from_row_slice(&here[first - from..first - from + 3]);
-                all.push(Place {
-                    row: s.row,
-                    point: first / 3,
-                    at,
-                    parameters,
-                    between,
-                    effects,
-                    held,
-                    effects_held,
-                    noise,
-                });
+            let slopes = s.by_parameter.rows(first, 3);
+            let mut noise = s.by_reading.rows(first, 3).into_owned();
+            for (c, sigma) in applied.sigma.iter().enumerate() {
+                noise.column_mut(c).scale_mut(*sigma);
             }
-        }
+            let (held, effects_held) = match &going_on {
+                Some((on, on_slopes)) => {
+                    let of = |i: usize| {
+                        let apart = on[s.row * width + i] - here[i];
+                        if angles { short_way(apart) } else { apart }
+                    };
+                    let more = on_slopes[k].by_parameter.rows(first, 3) - slopes;
+                    ((first..first + 3).map(of).collect(), more * &moves.by_effects)
+                }
+                None => (Vec::new(), DMatrix::zeros(3, 0)),
+            };
+            Place {
+                row: s.row,
+                point: first / 3,
+                at: Vector3::from_row_slice(&here[first - from..first - from + 3]),
+                parameters: slopes * &moves.by_root,
+                between: slopes * &moves.by_change,
+                effects: slopes * &moves.by_effects,
+                held,
+                effects_held,
+                noise,
+            }
+        };
+        let each = slopes.iter().enumerate();
+        let all: Vec<Place> = each
+            .flat_map(|slopes| (from..to).step_by(3).map(move |first| (slopes, first)))
+            .map(|(slopes, first)| place(slopes, first))
+            .collect();
         if all.is_empty() {
             return Err(Error::Empty("no place is left to be certain of".into()));
         }
@@ -462,7 +481,7 @@ impl Places {
         let unit = mechanism.channels.first().map(|c| c.unit.clone());
         let alike = unit.filter(|unit| mechanism.channels.iter().all(|c| c.unit == *unit));
         let read = alike.map(|unit| ((square / applied.sigma.len() as f64).sqrt(), unit));
-        Ok(Self { all, effects, play, read, times: 1.0, times_dof: None })
+        Ok(Self { all, effects: moves.effects, play, read, times: 1.0, times_dof: None })
     }
 
     /// What known poses have shown: how much larger errors are than predicted, and which effect is there.
