@@ -21,10 +21,11 @@
 //! neglected: where the effect is hardly above the noise, λ is a typical value of a wide spread. The
 //! forecast of a plan (98) has it.
 
-use faer::{Mat, Side};
+use faer::Mat;
 
 use crate::design::choice::Measure;
 use crate::design::linearised::Whitened;
+use crate::numerics::symmetric::{Unit, dot, invert};
 use crate::numerics::workers;
 
 /// A rival is behind where its penalised χ² is larger by this: the decision of a trace.
@@ -353,30 +354,23 @@ pub(crate) fn logarithm(criterion: f64) -> f64 {
 /// The shapes of one curve differ by little over a short arc: eigenvalues of 1e-10 are real.
 pub(crate) fn inverse_of(information: &Mat<f64>) -> Mat<f64> {
     let n = information.nrows();
-    let norm = |i: usize| {
-        let size = information[(i, i)].max(0.0).sqrt();
-        if size > 0.0 { size } else { 1.0 }
-    };
-    let norms: Vec<f64> = (0..n).map(norm).collect();
-    let unit = Mat::from_fn(n, n, |i, j| information[(i, j)] / (norms[i] * norms[j]));
-    let Ok(eigen) = unit.self_adjoint_eigen(Side::Lower) else {
-        return crate::numerics::symmetric::invert(information).0;
-    };
-    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
-    let least = FAINT * (0..n).map(|k| values[k]).fold(f64::MIN_POSITIVE, f64::max);
-    let root =
-        Mat::from_fn(n, n, |i, k| vectors[(i, k)] / (norms[i] * values[k].max(least).sqrt()));
+    let Some(unit) = Unit::of(information.as_ref()) else { return invert(information).0 };
+    let least = FAINT * unit.largest().max(f64::MIN_POSITIVE);
+    let mut root = Mat::zeros(n, n);
+    // What nothing tells is known to that fraction of its own unit.
+    (0..n).for_each(|i| root[(i, i)] = least.sqrt().recip());
+    for (i, (&row, norm)) in unit.live.iter().zip(&unit.norms).enumerate() {
+        root[(row, row)] = 0.0;
+        for (k, value) in unit.values.iter().enumerate() {
+            root[(row, unit.live[k])] = unit.vectors[(i, k)] / (norm * value.max(least).sqrt());
+        }
+    }
     &root * root.transpose()
 }
 
 /// Row by row.
 pub(crate) fn flat(m: &Mat<f64>) -> Vec<f64> {
     (0..m.nrows()).flat_map(|i| (0..m.ncols()).map(move |j| m[(i, j)])).collect()
-}
-
-#[inline]
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// `W θ`.
@@ -481,7 +475,7 @@ mod tests {
             let e = whole(a) * column(a) - whole(b) * column(b);
             let inverse = crate::numerics::symmetric::invert(&rivals[b].information).0;
             let s = whole(b) * inverse * whole(b).transpose() + Mat::<f64>::identity(6, 6);
-            let Ok(factor) = s.llt(Side::Lower) else { panic!("not positive") };
+            let Ok(factor) = s.llt(faer::Side::Lower) else { panic!("not positive") };
             let lambda = (e.transpose() * factor.solve(&e))[(0, 0)];
             assert!((contest.lambda(a, b) / lambda - 1.0).abs() < 1e-6, "{lambda}");
         }

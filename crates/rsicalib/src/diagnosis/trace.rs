@@ -296,27 +296,28 @@ pub(super) struct Pursued<'a> {
     pub lost: bool,
 }
 
-impl<'a> Pursued<'a> {
-    /// The same, or the search of the session with offsets as drawn where that is likelier; and those offsets.
-    fn or_as_drawn(self, search: &'a SearchOptions) -> Result<(Self, Vec<Instance>), Error> {
-        let Self { observations, clean, base, searched, .. } = &self;
-        let told = &searched.searched.found;
-        let lacking = clean.p_value.is_some_and(|p| p <= LEVEL);
-        let kept = lacking.then(|| without_offsets(&observations.mechanism, base, told)).flatten();
-        let Some(kept) = kept.filter(|_| searched.averaged.stretches.is_none()) else {
-            return Ok((self, Vec::new()));
-        };
-        let mut as_drawn = observations.clone();
-        as_drawn.leave_offsets_as_drawn(&kept);
-        let plain = fit(&as_drawn, kept.clone(), None)?;
-        let other = search_once(&as_drawn, &plain, &kept, search, true)?;
-        let offsets: Vec<Instance> = base.iter().copied().filter(|i| !kept.contains(i)).collect();
-        let (searched, chosen) = likelier(self.searched, other, &offsets)?;
-        Ok(match chosen {
-            true => (Self { searched, clean: plain, observations: as_drawn, ..self }, offsets),
-            false => (Self { searched, ..self }, Vec::new()),
-        })
-    }
+/// The same, or the search of the session with offsets as drawn where that is likelier; and those offsets.
+fn or_as_drawn<'a>(
+    pursued: Pursued<'a>,
+    search: &'a SearchOptions,
+) -> Result<(Pursued<'a>, Vec<Instance>), Error> {
+    let Pursued { observations, clean, base, searched, .. } = &pursued;
+    let told = &searched.searched.found;
+    let lacking = clean.p_value.is_some_and(|p| p <= LEVEL);
+    let kept = lacking.then(|| without_offsets(&observations.mechanism, base, told)).flatten();
+    let Some(kept) = kept.filter(|_| searched.averaged.stretches.is_none()) else {
+        return Ok((pursued, Vec::new()));
+    };
+    let mut as_drawn = observations.clone();
+    as_drawn.leave_offsets_as_drawn(&kept);
+    let plain = fit(&as_drawn, kept.clone(), None)?;
+    let other = search_once(&as_drawn, &plain, &kept, search, true)?;
+    let offsets: Vec<Instance> = base.iter().copied().filter(|i| !kept.contains(i)).collect();
+    let (searched, chosen) = likelier(pursued.searched, other, &offsets)?;
+    Ok(match chosen {
+        true => (Pursued { searched, clean: plain, observations: as_drawn, ..pursued }, offsets),
+        false => (Pursued { searched, ..pursued }, Vec::new()),
+    })
 }
 
 /// Screens a session, and searches what is left of it.
@@ -384,7 +385,7 @@ fn explain(
         false => screened,
     };
     let (pursued, offsets) = match wanted == Scope::All && search.uses(Rule::AsDrawn) {
-        true => pursued.or_as_drawn(search)?,
+        true => or_as_drawn(pursued, search)?,
         false => (pursued, Vec::new()),
     };
     let Pursued { mut observations, clean, mut excluded, late, searched, lost, .. } = pursued;

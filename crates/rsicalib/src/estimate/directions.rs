@@ -1,6 +1,6 @@
 //! Unobservable and weak directions in the space of parameters, and names of parameters.
 
-use faer::{Mat, Side};
+use faer::Mat;
 
 use crate::estimate::conventions::ANY_ANGLE;
 use crate::estimate::fitted::Fit;
@@ -10,6 +10,7 @@ use crate::estimate::sparse::{LISTED, Row, reduced};
 use crate::model::{Instance, Spec, place_name};
 #[cfg(feature = "serde")]
 use crate::numerics::nullable;
+use crate::numerics::symmetric::{RANK, Unit, is_seen};
 use crate::terms::term::{Placed, Role};
 
 /// Unobservable and weak directions in the space of parameters.
@@ -179,58 +180,39 @@ fn direction(
 /// Combinations of the parameters `kept` that a Gram matrix leaves open, in the parameters' units.
 fn left_open(gram: &Mat<f64>, kept: &[usize]) -> Vec<Vec<f64>> {
     let n = gram.nrows();
-    let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
-    let seen = |i: &usize| norms[*i] > 0.0 && norms[*i].is_finite();
-    let (live, absent): (Vec<usize>, Vec<usize>) = kept.iter().partition(|i| seen(i));
+    let absent = kept.iter().filter(|&&p| !is_seen(gram[(p, p)]));
     let mut rows: Vec<Vec<f64>> =
-        absent.iter().map(|&p| (0..n).map(|i| f64::from(u8::from(i == p))).collect()).collect();
-    let unit = Mat::from_fn(live.len(), live.len(), |i, j| {
-        gram[(live[i], live[j])] / (norms[live[i]] * norms[live[j]])
-    });
-    if let (Some(last), Ok(eigen)) =
-        (live.len().checked_sub(1), unit.self_adjoint_eigen(Side::Lower))
-    {
-        let (values, vectors) = (eigen.S().column_vector(), eigen.U());
-        for k in (0..live.len()).filter(|&k| values[k] < NOTHING * values[last]) {
-            let mut row = vec![0.0; n];
-            live.iter().enumerate().for_each(|(i, &p)| row[p] = vectors[(i, k)] / norms[p]);
-            rows.push(row);
-        }
+        absent.map(|&p| (0..n).map(|i| f64::from(u8::from(i == p))).collect()).collect();
+    let Some(unit) = Unit::among(gram.as_ref(), kept.iter().copied()) else { return rows };
+    let [lost, _] = unit.lost_and_told();
+    for k in lost {
+        let mut row = vec![0.0; n];
+        let each = unit.live.iter().zip(&unit.norms).enumerate();
+        each.for_each(|(i, (&p, norm))| row[p] = unit.vectors[(i, k)] / norm);
+        rows.push(row);
     }
     rows
 }
-
-/// Relative eigenvalues of a Gram matrix with unit columns below this are zero.
-const NOTHING: f64 = 1e-11;
 
 /// Relative eigenvalues below this are small: unit columns.
 const HARDLY: f64 = 1e-4;
 
 /// The directions of a Gram matrix; `names` are those of its parameters.
 pub(crate) fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
-    let norms: Vec<f64> = (0..gram.nrows()).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
     let mut out = Directions::default();
     // Where the noise is nothing, or no number, nothing is determined.
-    let seen = |norm: f64| norm > 0.0 && norm.is_finite();
-    let absent = norms.iter().zip(names).filter(|(norm, _)| !seen(**norm));
+    let absent = names.iter().enumerate().filter(|(i, _)| !is_seen(gram[(*i, *i)]));
     out.unobservable.extend(absent.map(|(_, label)| Direction::Absent(label.clone())));
     // Those are said, and no direction takes part in theirs.
-    let live: Vec<usize> = (0..norms.len()).filter(|&i| seen(norms[i])).collect();
-    let n = live.len();
-    if n == 0 {
-        return out;
-    }
-    let unit =
-        Mat::from_fn(n, n, |i, j| gram[(live[i], live[j])] / (norms[live[i]] * norms[live[j]]));
-    let Ok(eigen) = unit.self_adjoint_eigen(Side::Lower) else { return out };
-    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
-    for k in 0..n {
-        let relative = values[k] / values[n - 1];
+    let Some(Unit { live, norms, values, vectors }) = Unit::of(gram.as_ref()) else { return out };
+    let largest = values.last().copied().unwrap_or_default();
+    for (k, value) in values.iter().enumerate() {
+        let relative = value / largest;
         if relative > HARDLY {
             break;
         }
         // Change of each parameter along this direction, per unit of data.
-        let mut along: Vec<(usize, f64)> = (0..n).map(|i| (live[i], vectors[(i, k)])).collect();
+        let mut along: Vec<(usize, f64)> = (0..live.len()).map(|i| (i, vectors[(i, k)])).collect();
         along.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
         let (first, largest) = along[0];
         if !largest.is_finite() {
@@ -240,12 +222,12 @@ pub(crate) fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
         let taking_part = along.iter().filter(|(_, v)| v.abs() > LISTED * largest.abs());
         let moves = taking_part
             .take(6)
-            .map(|&(i, v)| Moves { label: names[i].clone(), by: v / norms[i] / unit })
+            .map(|&(i, v)| Moves { label: names[live[i]].clone(), by: v / norms[i] / unit })
             .collect();
-        if relative < NOTHING {
+        if relative < RANK {
             out.unobservable.push(Direction::Together(moves));
         } else {
-            out.weak.push(Direction::Weak { moves, off: 2.0 * unit.abs() / values[k].sqrt() });
+            out.weak.push(Direction::Weak { moves, off: 2.0 * unit.abs() / value.sqrt() });
         }
     }
     out.weak.truncate(5);

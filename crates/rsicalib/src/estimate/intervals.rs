@@ -5,9 +5,9 @@
 //! it, its ends are those of the profile likelihood (151): of weak directions, of gains near their
 //! prior, near singular poses.
 
+use crate::estimate::conclusion::widening;
 use crate::estimate::conventions;
 use crate::estimate::directions::as_reported;
-use crate::estimate::fit::widening;
 use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::objective::Part;

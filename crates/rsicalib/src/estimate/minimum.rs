@@ -6,9 +6,9 @@ use std::f64::consts::TAU;
 use crate::Error;
 use crate::estimate::adjusted::Adjusted;
 use crate::estimate::algebraic::Algebraic;
+use crate::estimate::conclusion::{Found, conclude};
 use crate::estimate::conventions::held;
 use crate::estimate::doubts;
-use crate::estimate::fit::{Found, ROUNDS, conclude};
 use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::noise::channels::{self, Length};
@@ -24,7 +24,6 @@ use crate::estimate::observations::Observations;
 use crate::estimate::options::Method;
 use crate::estimate::progress::Heard;
 use crate::estimate::residuals::Residuals;
-use crate::estimate::suspected::suspect;
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::Start;
 use crate::kinematics::elements::Way;
@@ -34,6 +33,9 @@ use crate::numerics::linearization::Problem;
 use crate::numerics::lm;
 use crate::numerics::symmetric::nowhere;
 use crate::terms::term::Role;
+
+/// Largest number of fits, each with the noise of the fit before.
+const ROUNDS: usize = 4;
 
 /// A fit of a search ends where no more than this of ½χ² is to be had: decisions turn on units of χ².
 const ENOUGH: f64 = 1e-5;
@@ -248,8 +250,6 @@ pub(super) fn minimum(
     let mut fit = conclude(observations, model, priors, found, start, &rounds.groups);
     if judged {
         fit.adjusted = adjusted.map(|it| Adjusted::new(&observations.readings, it));
-    } else {
-        suspect(observations, &mut fit);
     }
     Ok(fit)
 }

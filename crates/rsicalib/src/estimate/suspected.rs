@@ -1,7 +1,6 @@
 //! What a fit makes one suspect: its noise, what it was told, and how its readings are wired.
 
 use crate::Error;
-use crate::estimate::fit::fit;
 use crate::estimate::fitted::Fit;
 use crate::estimate::miswired::{self, Again};
 use crate::estimate::noise::source::DOUBT;
@@ -10,12 +9,17 @@ use crate::estimate::suspicion::Suspicion;
 use crate::estimate::{degrees, doubts, lengths};
 use crate::model::Instance;
 
-/// Adds to the warnings of a fit.
-pub(super) fn suspect(observations: &Observations, fit: &mut Fit) {
-    let of_knowledge = of_knowledge(observations, fit);
+/// Adds to the warnings of a fit; `again` fits other readings.
+pub(super) fn suspect(
+    observations: &Observations,
+    mut fit: Fit,
+    again: impl Fn(&Observations, Vec<Instance>) -> Result<Fit, Error>,
+) -> Fit {
+    let of_knowledge = of_knowledge(observations, &fit);
     fit.warnings.extend(of_knowledge);
-    let of_wiring = of_wiring(observations, fit);
+    let of_wiring = of_wiring(observations, &fit, again);
     fit.warnings.extend(of_wiring);
+    fit
 }
 
 /// Noise, play, lengths and knowledge that the fit contradicts.
@@ -35,9 +39,13 @@ fn of_knowledge(observations: &Observations, fit: &Fit) -> Vec<Suspicion> {
 }
 
 /// Channels that are stuck, exchanged or of another unit: the fit would be better otherwise.
-fn of_wiring(observations: &Observations, fit: &Fit) -> Vec<Suspicion> {
+fn of_wiring(
+    observations: &Observations,
+    fit: &Fit,
+    again: impl Fn(&Observations, Vec<Instance>) -> Result<Fit, Error>,
+) -> Vec<Suspicion> {
     let refit_by = |other: &Observations, terms: Vec<Instance>| -> Result<Again, Error> {
-        let again = self::fit(other, terms, None)?;
+        let again = again(other, terms)?;
         let left = if again.has_start() { again.chi2 / again.dof } else { f64::INFINITY };
         let Fit { model, beta, .. } = again;
         Ok(Again { left, model, beta })

@@ -15,6 +15,7 @@ use faer::Mat;
 
 use crate::numerics::linearization::{Curvature, Linearization, Problem};
 use crate::numerics::lm::{self, SolverOptions};
+use crate::numerics::symmetric::dot;
 
 /// An end that is off by this part of itself. Beside a tail of 2.5 % of a normal distribution, with the density
 /// `φ(1.96)`, that is `1.96 φ(1.96) · 0.044 = 0.5 %`: an interval of 95 % with two such ends holds the truth
@@ -253,8 +254,4 @@ impl<P> Plane<'_, P> {
         let left = island.iter().filter(|i| **i != self.pivot);
         left.map(|i| i - usize::from(*i > self.pivot)).collect()
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

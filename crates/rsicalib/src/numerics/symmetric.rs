@@ -4,7 +4,7 @@ use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, MatRef, Side};
 
 /// Eigenvalues below this fraction of the largest count as zero, in unit columns.
-const RANK: f64 = 1e-11;
+pub(crate) const RANK: f64 = 1e-11;
 
 /// Pseudo-inverse of a Gram matrix, a flag for each parameter that takes part in an unobservable
 /// direction, and the condition number of the Jacobian with unit columns.
@@ -12,6 +12,73 @@ const RANK: f64 = 1e-11;
 pub fn invert(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
     let (root, unknowable, condition) = inverse_root(gram);
     (&root * root.transpose(), unknowable, condition)
+}
+
+/// A symmetric matrix in units of its diagonal: `S = N U Λ Uᵀ N`, `N` diagonal. Parameters differ by many orders of
+/// magnitude; so do the sizes of eigenvalues of `S`, which tell nothing of its rank.
+pub(crate) struct Unit {
+    /// Rows that have something on the diagonal; no other row takes part.
+    pub(crate) live: Vec<usize>,
+    /// `N`: the root of the diagonal, of each of these rows.
+    pub(crate) norms: Vec<f64>,
+    /// `Λ`, ascending.
+    pub(crate) values: Vec<f64>,
+    /// `U`, column by column.
+    pub(crate) vectors: Mat<f64>,
+}
+
+impl Unit {
+    /// None where the matrix holds what is no number.
+    pub(crate) fn of(square: MatRef<'_, f64>) -> Option<Self> {
+        Self::among(square, 0..square.nrows())
+    }
+
+    /// Of some rows and columns of a matrix.
+    pub(crate) fn among(
+        square: MatRef<'_, f64>,
+        rows: impl Iterator<Item = usize>,
+    ) -> Option<Self> {
+        let (live, norms, unit) = unit_columns(square, rows);
+        let (values, vectors) = eigenvalues(unit.as_ref())?;
+        Some(Self { live, norms, values, vectors })
+    }
+
+    /// The largest eigenvalue.
+    pub(crate) fn largest(&self) -> f64 {
+        self.values.last().copied().unwrap_or(0.0)
+    }
+
+    /// Numbers of the eigenvalues that are rounding beside the largest, and of the others.
+    pub(crate) fn lost_and_told(&self) -> [Vec<usize>; 2] {
+        let least = RANK * self.largest();
+        let (lost, told) = (0..self.values.len()).partition(|&k| self.values[k] < least);
+        [lost, told]
+    }
+
+    /// `wᵀ u_k` of a vector of all rows, each in units of its norm to the power of `power`.
+    fn along(&self, k: usize, vector: &[f64], power: i32) -> f64 {
+        let each = self.live.iter().zip(&self.norms).enumerate();
+        each.map(|(i, (&row, norm))| self.vectors[(i, k)] * norm.powi(power) * vector[row]).sum()
+    }
+}
+
+/// Rows of a symmetric matrix that have something on the diagonal, its roots, and the matrix of these rows with a
+/// diagonal of ones.
+fn unit_columns(
+    square: MatRef<'_, f64>,
+    rows: impl Iterator<Item = usize>,
+) -> (Vec<usize>, Vec<f64>, Mat<f64>) {
+    let live: Vec<usize> = rows.filter(|&i| is_seen(square[(i, i)])).collect();
+    let norms: Vec<f64> = live.iter().map(|&i| square[(i, i)].sqrt()).collect();
+    let unit = Mat::from_fn(live.len(), live.len(), |i, j| {
+        square[(live[i], live[j])] / (norms[i] * norms[j])
+    });
+    (live, norms, unit)
+}
+
+/// True for an entry of a diagonal that tells something.
+pub(crate) fn is_seen(entry: f64) -> bool {
+    entry > 0.0 && entry.is_finite()
 }
 
 /// A root `R` of the pseudo-inverse `R Rᵀ` of a Gram matrix, with a column for each direction that
@@ -22,34 +89,25 @@ pub fn inverse_root(gram: &Mat<f64>) -> (Mat<f64>, Vec<bool>, f64) {
     if n == 0 {
         return (Mat::zeros(0, 0), Vec::new(), 1.0);
     }
-    let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
-    let unit = Mat::from_fn(n, n, |i, j| {
-        let norm = norms[i] * norms[j];
-        if norm > 0.0 { gram[(i, j)] / norm } else { 0.0 }
-    });
-    let mut unknowable: Vec<bool> = norms.iter().map(|v| *v == 0.0 || !v.is_finite()).collect();
-    let Ok(eigen) = unit.self_adjoint_eigen(faer::Side::Lower) else {
+    let finite = (0..n).all(|i| gram[(i, i)].is_finite());
+    let Some(unit) = Unit::of(gram.as_ref()).filter(|_| finite) else {
         return (Mat::zeros(n, 0), vec![true; n], f64::INFINITY);
     };
-    let values = eigen.S().column_vector();
-    let vectors = eigen.U();
-    let (largest, smallest) = (values[n - 1], values[0].max(0.0));
-    for k in 0..n {
-        if values[k] < RANK * largest {
-            for i in 0..n {
-                unknowable[i] |= vectors[(i, k)].abs() > 1e-3;
-            }
+    let [lost, told] = unit.lost_and_told();
+    let mut unknowable = vec![true; n];
+    for (i, &row) in unit.live.iter().enumerate() {
+        unknowable[row] = lost.iter().any(|&k| unit.vectors[(i, k)].abs() > 1e-3);
+    }
+    let mut root = Mat::zeros(n, told.len());
+    for (column, &k) in told.iter().enumerate() {
+        let by = unit.values[k].sqrt();
+        for (i, &row) in unit.live.iter().enumerate() {
+            root[(row, column)] = unit.vectors[(i, k)] / (unit.norms[i] * by);
         }
     }
-    let kept: Vec<usize> = (0..n).filter(|&k| values[k] >= RANK * largest).collect();
-    let root = Mat::from_fn(n, kept.len(), |i, k| {
-        if norms[i] > 0.0 {
-            vectors[(i, kept[k])] / (norms[i] * values[kept[k]].sqrt())
-        } else {
-            0.0
-        }
-    });
-    (root, unknowable, (largest / smallest).sqrt())
+    let whole = unit.live.len() == n;
+    let smallest = if whole { unit.values[0].max(0.0) } else { 0.0 };
+    (root, unknowable, (unit.largest() / smallest).sqrt())
 }
 
 /// Directions of which a Gram matrix tells nothing, row by row: `x` with `G x = 0`, and `u` with
@@ -65,20 +123,23 @@ impl Unseen {
     /// Of a Gram matrix.
     pub(crate) fn of(gram: &Mat<f64>) -> Self {
         let n = gram.nrows();
-        let norm = |i: usize| {
-            let norm = gram[(i, i)].max(0.0).sqrt();
-            if norm > 0.0 { norm } else { 1.0 }
+        let Some(unit) = Unit::of(gram.as_ref()) else {
+            return Self { ways: Mat::zeros(0, n), holds: Mat::zeros(0, n) };
         };
-        let norms: Vec<f64> = (0..n).map(norm).collect();
-        let unit = Mat::from_fn(n, n, |i, j| gram[(i, j)] / (norms[i] * norms[j]));
-        let (values, vectors) =
-            eigenvalues(unit.as_ref()).unwrap_or_else(|| (vec![1.0; n], Mat::zeros(n, n)));
-        let largest = values.iter().copied().fold(0.0, f64::max);
-        let lost: Vec<usize> = (0..n).filter(|&k| values[k] < RANK * largest).collect();
-        let rows = |scale: &dyn Fn(usize) -> f64| {
-            Mat::from_fn(lost.len(), n, |k, i| vectors[(i, lost[k])] * scale(i))
-        };
-        Self { ways: rows(&|i| 1.0 / norms[i]), holds: rows(&|i| norms[i]) }
+        let [lost, _] = unit.lost_and_told();
+        let absent: Vec<usize> = (0..n).filter(|row| !unit.live.contains(row)).collect();
+        let mut ways = Mat::zeros(absent.len() + lost.len(), n);
+        let mut holds = ways.clone();
+        for (k, &row) in absent.iter().enumerate() {
+            (ways[(k, row)], holds[(k, row)]) = (1.0, 1.0);
+        }
+        for (k, &own) in lost.iter().enumerate() {
+            for (i, (&row, norm)) in unit.live.iter().zip(&unit.norms).enumerate() {
+                ways[(absent.len() + k, row)] = unit.vectors[(i, own)] / norm;
+                holds[(absent.len() + k, row)] = unit.vectors[(i, own)] * norm;
+            }
+        }
+        Self { ways, holds }
     }
 
     /// True where some direction changes `½ xᵀ Ω x` by more than rounding.
@@ -117,43 +178,28 @@ pub(crate) fn eigenvalues(square: MatRef<'_, f64>) -> Option<(Vec<f64>, Mat<f64>
 /// `dᵀ C⁺ d`, and in how many directions: those that have a part of the variance that rounding does
 /// not, in units of the standard deviations.
 pub(crate) fn told(covariance: MatRef<'_, f64>, d: &[f64]) -> (f64, f64) {
-    let n = d.len();
-    let sd: Vec<f64> = (0..n).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect();
-    let free: Vec<usize> = (0..n).filter(|&i| sd[i] > 0.0).collect();
-    let unit = Mat::from_fn(free.len(), free.len(), |i, j| {
-        covariance[(free[i], free[j])] / (sd[free[i]] * sd[free[j]])
-    });
-    let Some((values, vectors)) = eigenvalues(unit.as_ref()) else { return (0.0, 0.0) };
-    let along = |k: usize| -> f64 {
-        free.iter().enumerate().map(|(i, &f)| vectors[(i, k)] * d[f] / sd[f]).sum()
-    };
-    let kept = (0..values.len()).filter(|&k| values[k] > 1e-6);
-    kept.fold((0.0, 0.0), |(sum, count), k| (sum + along(k).powi(2) / values[k], count + 1.0))
+    let Some(unit) = Unit::of(covariance) else { return (0.0, 0.0) };
+    let kept = (0..unit.values.len()).filter(|&k| unit.values[k] > 1e-6);
+    let of = |k: usize| unit.along(k, d, -1).powi(2) / unit.values[k];
+    kept.fold((0.0, 0.0), |(sum, count), k| (sum + of(k), count + 1.0))
 }
 
 /// The part of a step that lies in directions of which a Gram matrix tells nothing.
 #[must_use]
 pub fn nowhere(gram: &Mat<f64>, step: &[f64]) -> Vec<f64> {
-    let n = gram.nrows();
-    if n == 0 {
-        return Vec::new();
-    }
-    let norms: Vec<f64> = (0..n).map(|i| gram[(i, i)].max(0.0).sqrt()).collect();
-    let unit = Mat::from_fn(n, n, |i, j| {
-        let norm = norms[i] * norms[j];
-        if norm > 0.0 { gram[(i, j)] / norm } else { 0.0 }
-    });
+    let (live, norms, unit) = unit_columns(gram.as_ref(), 0..gram.nrows());
+    let mut part = step.to_vec();
+    live.iter().for_each(|&row| part[row] = 0.0);
     if seen_everywhere(&unit) {
-        return vec![0.0; n];
+        return part;
     }
-    let mut part: Vec<f64> =
-        step.iter().zip(&norms).map(|(s, norm)| if *norm > 0.0 { 0.0 } else { *s }).collect();
-    let Ok(eigen) = unit.self_adjoint_eigen(Side::Lower) else { return part };
-    let (values, vectors) = (eigen.S().column_vector(), eigen.U());
-    for k in (0..n).filter(|&k| values[k] < RANK * values[n - 1]) {
-        let along: f64 = (0..n).map(|i| vectors[(i, k)] * norms[i] * step[i]).sum();
-        for (i, part) in part.iter_mut().enumerate().filter(|(i, _)| norms[*i] > 0.0) {
-            *part += vectors[(i, k)] * along / norms[i];
+    let Some((values, vectors)) = eigenvalues(unit.as_ref()) else { return part };
+    let unit = Unit { live, norms, values, vectors };
+    let [lost, _] = unit.lost_and_told();
+    for k in lost {
+        let along = unit.along(k, step, 1);
+        for (i, (&row, norm)) in unit.live.iter().zip(&unit.norms).enumerate() {
+            part[row] += unit.vectors[(i, k)] * along / norm;
         }
     }
     part

@@ -5,9 +5,10 @@ use faer::Mat;
 
 use crate::Error;
 use crate::numerics::distributions::chi2_tail;
+use crate::numerics::symmetric::dot;
 use crate::numerics::symmetric::invert;
 use crate::population::levels::{Held, Levels};
-use crate::population::vectors::{dot, minus, times};
+use crate::population::vectors::{minus, times};
 
 /// Probability of leaving out any device of a fleet of alike ones.
 const FALSE: f64 = 0.01;

@@ -4,9 +4,9 @@ use faer::Mat;
 
 use crate::model::Spec;
 use crate::numerics::distributions::f_tail;
+use crate::numerics::symmetric::dot;
 use crate::numerics::symmetric::invert;
 use crate::population::joint::Joint;
-use crate::population::vectors::dot;
 use crate::terms::term::Term;
 
 /// Probability of naming any error of the drawing in a fleet that has none.

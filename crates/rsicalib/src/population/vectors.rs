@@ -2,11 +2,6 @@
 
 use faer::Mat;
 
-/// `aᵀ b`
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 /// `A x`
 pub(super) fn times(a: &Mat<f64>, x: &[f64]) -> Vec<f64> {
     (0..a.nrows()).map(|i| (0..x.len()).map(|j| a[(i, j)] * x[j]).sum()).collect()
