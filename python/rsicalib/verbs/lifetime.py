@@ -181,7 +181,9 @@ def _dated(result: Result) -> tuple[float, list[Estimate], list[Spec]]:
     """A result as the core takes it: day, parameters, and where it says that something changed."""
     update = getattr(result, "update", None)
     changes = () if update is None else update.changes
-    estimates: list[Estimate] = [(p.at, p.name, p.value, p.sd) for p in result.parameters]
+    estimates: list[Estimate] = [
+        (p.at, p.name, p.value, p.sd_between or p.sd) for p in result.parameters
+    ]
     return _day(result), estimates, [(change.term, change.target, None) for change in changes]
 
 

@@ -11,6 +11,7 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
+from rsicalib.facts.shapes import Between
 from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
 
@@ -129,9 +130,43 @@ def as_applied(result: Result | None, mechanism: Mechanism, *, own: bool = False
     }
 
 
-def covariance_of(result: Result) -> FloatArray | None:
-    """Covariance of the parameters that `as_applied` passes on; None where there is none."""
+def covariance_of(
+    result: Result, *, own: bool = False, beside: Between | None = None
+) -> FloatArray | None:
+    """Covariance of the parameters that `as_applied` passes on; None where there is none.
+
+    Where parameters change from group to group, a placement or a session, another session has them
+    as means over groups, by which they have the covariance of `between`, and as one other group:
+    each differs from its mean by its `sd` beside.
+
+    Parameters
+    ----------
+    result : Result
+        What is applied.
+    own : bool
+        For the result's own readings: within its groups.
+    beside : Between, optional
+        What changes between the groups of another result, to compare them: means of both are
+        compared then, and that of one group with means of the other where only one has groups.
+    """
     known = [i for i, p in enumerate(result.parameters) if p.value is not None]
-    if result.covariance.shape != (len(result.parameters),) * 2:
+    between = None if own else getattr(result, "between", None)
+    covariance = np.asarray(result.covariance if between is None else between.covariance)
+    if covariance.shape != (len(result.parameters),) * 2:
         return None
-    return np.ascontiguousarray(result.covariance[np.ix_(known, known)])
+    one = beside if between is None else between if beside is None else None
+    if one is not None:
+        changing = {(p.term, p.target, p.name): p.sd for p in one.parameters}
+        sd = [changing.get((p.term, p.target, p.name), 0.0) for p in result.parameters]
+        covariance = covariance + np.diag(np.square(sd))
+    return np.ascontiguousarray(covariance[np.ix_(known, known)])
+
+
+def deviations_of(result: Result, *, beside: Between | None = None) -> list[float | None]:
+    """Standard deviations of all parameters as `covariance_of` has them; None where unknown."""
+    covariance = covariance_of(result, beside=beside)
+    if covariance is None:
+        return [p.sd for p in result.parameters]
+    sd = iter(np.sqrt(np.diagonal(covariance)).tolist())
+    all_of = (None if p.value is None else next(sd) for p in result.parameters)
+    return [None if p.sd is None else s for p, s in zip(result.parameters, all_of, strict=True)]

@@ -86,7 +86,7 @@ def _expected_more(result: Result, mechanism: Mechanism, own: float) -> float | 
     except InputError:  # no session has readings beyond the range of a channel
         return np.inf
     table = as_table([readings], mechanism)
-    return _core.expects_more(mechanism, applied, table, covariance_of(result), own=own)
+    return _core.expects_more(mechanism, applied, table, covariance_of(result, own=True), own=own)
 
 
 def refuse_other_units(result: Result, mechanism: Mechanism, where: str) -> None:

@@ -10,7 +10,7 @@ from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError, InputTypeError, UndeterminedError
 from rsicalib.facts.digest import digest_of_drawing
-from rsicalib.facts.shapes import Parameter
+from rsicalib.facts.shapes import Between, Parameter
 from rsicalib.facts.warned import Warned
 from rsicalib.io.frames import in_memory
 from rsicalib.io.order import clocks_begin_anew
@@ -277,7 +277,8 @@ class Work:
             new = [
                 p if isinstance(p, Parameter) else Parameter.from_dict(p) for p in out["parameters"]
             ]
-            out["parameters"], out["moved"] = beside_earlier(self.mechanism, self.earlier, new)
+            told = beside_earlier(self.mechanism, self.earlier, new, _between(out))
+            out["parameters"], out["moved"] = told
             out["supersedes"] = self.supersedes
         return out
 
@@ -293,7 +294,8 @@ class Work:
         rms = None if held_out is None else held_out["rms_misclosure"]
         source: _core.EvidenceSource = found["source"]
         try:
-            update: dict[str, Any] = source.changes(applied, covariance_of(self.earlier), rms)
+            covariance = covariance_of(self.earlier, beside=_between(found))
+            update: dict[str, Any] = source.changes(applied, covariance, rms)
         except InputError:
             return None  # they have no parameter in common
         return update
@@ -305,6 +307,12 @@ class Work:
         found = _core.judged_open_loop() | {"unobservable": [error.message], "noise": None}
         found |= {"parameters": [], "covariance": [], "termination": "not begun"}
         return self.result(kind, found, session)
+
+
+def _between(found: Mapping[str, Any]) -> Between | None:
+    """What changes from group to group, by what the core found."""
+    between = found.get("between")
+    return Between.from_dict(between) if isinstance(between, Mapping) else between
 
 
 def _moved(rest: Readings, mechanism: Mechanism) -> list[Warned]:

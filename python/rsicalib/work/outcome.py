@@ -16,10 +16,11 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError, InputTypeError
 from rsicalib.facts.records import plain
-from rsicalib.facts.shapes import Before, Data, Moved, Parameter, Skipped
+from rsicalib.facts.shapes import Before, Between, Data, Moved, Parameter, Skipped
 from rsicalib.io.readings import Readings
 from rsicalib.plain_text import quoted
 from rsicalib.results.result import Result
+from rsicalib.work.applying import deviations_of
 
 DateArg: TypeAlias = str | datetime.date
 
@@ -98,15 +99,19 @@ def digest_of(calibration: Any, earlier: Result) -> str:
 
 
 def beside_earlier(
-    mechanism: Mechanism, earlier: Result, parameters: Sequence[Parameter]
+    mechanism: Mechanism,
+    earlier: Result,
+    parameters: Sequence[Parameter],
+    between: Between | None,
 ) -> tuple[list[Parameter], list[Moved]]:
     """Parameters with what an earlier result says of them, and those that have moved.
 
-    Chance alone would move any of them once in 100 results.
+    Chance alone would move any of them once in 100 results. `between` is what changes from group to
+    group of the new result.
     """
-    before, now = (
-        [(p.at, p.name, p.value, p.sd) for p in of] for of in (earlier.parameters, parameters)
-    )
+    sd = deviations_of(earlier, beside=between)
+    before = [(p.at, p.name, p.value, sd) for p, sd in zip(earlier.parameters, sd, strict=True)]
+    now = [(p.at, p.name, p.value, p.sd_between or p.sd) for p in parameters]
     out, moved = list(parameters), []
     for number, old, new, sd, beyond in _core.compared(mechanism, before, now):
         p = parameters[number]

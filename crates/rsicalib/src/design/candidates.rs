@@ -1,8 +1,8 @@
 //! Poses that a mechanism can take under an estimate, with the readings to expect.
 //!
-//! In a box, the joints of a pose are computed where all is as drawn, of the hand controller by (6) to
-//! (8) whatever is estimated; the sensors of the estimate are then inverted. Elsewhere, random
-//! configurations are closed under the estimate.
+//! In a box, the joints of a pose are computed as drawn, of the hand controller by (6) to (8); the sensors of the
+//! estimate are then inverted. Where the estimate differs from the drawing, and nothing computes its joints, loops are
+//! closed on the way to there. Without a box random configurations are closed under the estimate.
 
 use nalgebra::Vector3;
 
@@ -14,7 +14,7 @@ use crate::mechanism::{Channel, Mechanism};
 use crate::model::assembly::placed;
 use crate::model::been::Been;
 use crate::model::configurations::{Configurations, Under};
-use crate::model::{Want, Workspace};
+use crate::model::{Model, Want, Workspace};
 use crate::numerics::lanes::{Lanes, WIDTH};
 use crate::numerics::random::Random;
 use crate::numerics::workers;
@@ -170,7 +170,10 @@ impl Space<'_> {
     pub(crate) fn draw(&self, count: usize, random: &mut Random) -> Result<Candidates, Error> {
         let found = match self.of_poses() {
             Some(within) => self.at_poses(drawn(&within, count, random))?,
-            None => self.by_closing(count, random)?,
+            None => match self.within.filter(|_| !self.mechanism().platform.is_empty()) {
+                Some(within) => self.on_the_way(&within, count, random)?,
+                None => self.by_closing(count, random)?,
+            },
         };
         let mut found = self.with_margins(&found);
         found.span = found.spanned();
@@ -321,24 +324,15 @@ impl Space<'_> {
         Ok(values)
     }
 
+    fn mechanism(&self) -> &Mechanism {
+        &self.at.model.mechanism
+    }
+
     /// Random configurations, closed under the estimate, for each combination of keys in the session.
     fn by_closing(&self, count: usize, random: &mut Random) -> Result<Candidates, Error> {
-        let at = self.at;
-        let mechanism = &at.model.mechanism;
-        let channels = mechanism.channels.len();
-        let session = &at.session.readings;
-        let keys = session.groups.clone();
-        let configurations = Configurations::of_keys(mechanism, keys).within_shown(
-            &at.model,
-            (session, &at.session.weights),
-            &at.beta,
-        );
-        let each = count.div_ceil(session.groups.len().max(1));
-        let under = |readings: &Readings| {
-            let (model, columns) = at.under(configurations.mechanism(), readings)?;
-            let beta = at.beta_of(&columns);
-            Ok((model, beta))
-        };
+        let configurations = self.configurations();
+        let each = count.div_ceil(configurations.combinations().max(1));
+        let under = |readings: &Readings| self.under(&configurations, readings);
         let readings = match &mut self.been(&configurations, &under)? {
             None => configurations.closed_by(each, random, &under)?,
             Some(been) => {
@@ -346,21 +340,73 @@ impl Space<'_> {
                 configurations.closed_of(each, random, 1, &mut draw)?
             }
         };
-        let poses = if mechanism.platform.is_empty() {
-            Vec::new()
-        } else {
-            let (model, beta) = under(&readings)?;
-            poses_of(&model, &readings, &beta, &at.noise)
-        };
-        let table = self.still(readings.table.clone(), readings.samples);
-        let found = Candidates { poses, table, channels, span: vec![[0.0; 2]; channels] };
-        let Some(within) = self.within.filter(|_| !found.poses.is_empty()) else {
-            return Ok(found);
+        self.closed(&readings, &under)
+    }
+
+    /// Configurations on the way to random poses of a box, closed under the estimate: those that arrive in it.
+    fn on_the_way(
+        &self,
+        within: &Within,
+        count: usize,
+        random: &mut Random,
+    ) -> Result<Candidates, Error> {
+        let configurations = self.configurations();
+        let under = |readings: &Readings| self.under(&configurations, readings);
+        let all = configurations.combinations().max(1);
+        let found = match &mut self.been(&configurations, &under)? {
+            None => self.by_closing(count, random)?,
+            Some(been) => {
+                let goals = self.at_poses(drawn(within, count, random))?;
+                let keys: Vec<usize> = (0..goals.len()).map(|k| k % all).collect();
+                let drawn = been.draw_to((&keys, &goals.table.values), random, &under)?;
+                let mut closed = vec![Vec::new(); all];
+                for (key, drawn) in keys.into_iter().zip(drawn) {
+                    closed[key].extend(drawn);
+                }
+                if closed.iter().all(Vec::is_empty) {
+                    let channels = goals.channels;
+                    let span = vec![[0.0; 2]; channels];
+                    return Ok(Candidates { channels, span, ..Candidates::default() });
+                }
+                self.closed(&configurations.readings_of(&closed)?, &under)?
+            }
         };
         Ok(found.that(|k| {
-            let ends = found.poses[k].iter().zip(&within);
-            ends.into_iter().all(|(v, [low, high])| v >= low && v <= high)
+            let mut ends = found.poses[k].iter().zip(within);
+            ends.all(|(v, [low, high])| v >= low && v <= high)
         }))
+    }
+
+    /// Of each combination of keys in the session.
+    fn configurations(&self) -> Configurations {
+        let (at, session) = (self.at, &self.at.session.readings);
+        let made = Configurations::of_keys(self.mechanism(), session.groups.clone());
+        made.within_shown(&at.model, (session, &at.session.weights), &at.beta)
+    }
+
+    /// The model of the estimate, of other readings, and its parameters.
+    fn under(
+        &self,
+        configurations: &Configurations,
+        readings: &Readings,
+    ) -> Result<(Model, Vec<f64>), Error> {
+        let (model, columns) = self.at.under(configurations.mechanism(), readings)?;
+        let beta = self.at.beta_of(&columns);
+        Ok((model, beta))
+    }
+
+    /// Candidates of closed configurations.
+    fn closed(&self, readings: &Readings, under: &Under<'_>) -> Result<Candidates, Error> {
+        let poses = match self.mechanism().platform.is_empty() {
+            true => Vec::new(),
+            false => {
+                let (model, beta) = under(readings)?;
+                poses_of(&model, readings, &beta, &self.at.noise)
+            }
+        };
+        let channels = readings.channels;
+        let table = self.still(readings.table.clone(), readings.samples);
+        Ok(Candidates { poses, table, channels, span: vec![[0.0; 2]; channels] })
     }
 
     /// Where the mechanism has been: in the poses of the session or, before one, as it is drawn. None where all

@@ -233,7 +233,7 @@ impl Left<'_> {
         let session = |pose: usize| readings.session_of_pose.get(pose);
         let acts = |pose: usize| match effect.term.placed() {
             _ if bound_to_session(effect.term) => session(pose).is_none_or(|s| *s == effect.place),
-            Placed::AtPose => pose >= effect.place && session(pose) == session(effect.place),
+            Placed::AtPose => pose >= effect.place,
             _ => true,
         };
         self.blocks.iter().all(|block| {

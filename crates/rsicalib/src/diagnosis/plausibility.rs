@@ -11,7 +11,7 @@ use crate::estimate::search::ratios;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::{Mechanism, Target, Value};
 use crate::model::Instance;
-use crate::terms::targets::{longest, typical};
+use crate::terms::targets::{largest_effect, longest, typical};
 use crate::terms::term::{Over, Role};
 
 /// Largest share of a channel's range, or of its limits, that noise may be.
@@ -21,8 +21,6 @@ const GAIN: f64 = 2.0;
 stated! {
     /// Largest share of the smallest length in the loop that the misclosure may be.
     fn largest_misclosure() -> f64 = 0.05;
-    /// Largest size of an effect, in its typical sizes.
-    fn largest_effect() -> f64 = 30.0;
 }
 /// A typical change of a slope, as a share of the slope.
 const SLOPE: f64 = 0.02;

@@ -367,6 +367,13 @@ pub fn reported(fit: &Fit) -> (Vec<f64>, Mat<f64>) {
     (values, &map * &fit.covariance * map.transpose())
 }
 
+/// The same with the covariance of means over groups, which is that of another session.
+pub(crate) fn reported_means(fit: &Fit) -> (Vec<f64>, Mat<f64>) {
+    let (values, map) = as_reported(fit);
+    let covariance = fit.between.as_ref().map_or(&fit.covariance, |between| &between.covariance);
+    (values, &map * covariance * map.transpose())
+}
+
 /// Values of the parameters as they are reported, and the derivatives of these by the parameters of
 /// the model.
 pub(crate) fn as_reported(fit: &Fit) -> (Vec<f64>, Mat<f64>) {

@@ -5,6 +5,8 @@
 //! the nearest of the places where the mechanism has been. Where the path ends all loops are closed, and it goes
 //! on to there. Later paths may begin there as well.
 
+use std::ops::Range;
+
 use crate::Error;
 use crate::model::compiled::Model;
 use crate::model::configurations::{Closed, Configurations, Open, ROWS, Under};
@@ -85,12 +87,42 @@ impl<'a> Been<'a> {
         random: &mut Random,
         under: &Under<'_>,
     ) -> Result<Vec<Option<Closed>>, Error> {
+        let configurations = self.configurations;
+        self.draw_towards(keys, |rows| configurations.opened(&keys[rows], random, under))
+    }
+
+    /// The same on the way to these readings, row by row, one row for each key.
+    ///
+    /// # Errors
+    ///
+    /// As [`Configurations::open`].
+    pub(crate) fn draw_to(
+        &mut self,
+        (keys, goals): (&[usize], &[f64]),
+        random: &mut Random,
+        under: &Under<'_>,
+    ) -> Result<Vec<Option<Closed>>, Error> {
+        let configurations = self.configurations;
+        let width = configurations.mechanism().channels.len();
+        self.draw_towards(keys, |rows| {
+            let values = goals[rows.start * width..rows.end * width].to_vec();
+            configurations.opened_at(&keys[rows], values, random, under)
+        })
+    }
+
+    /// The same on the way to what `open` makes of a range of the keys.
+    fn draw_towards(
+        &mut self,
+        keys: &[usize],
+        mut open: impl FnMut(Range<usize>) -> Result<Open, Error>,
+    ) -> Result<Vec<Option<Closed>>, Error> {
         let mut found = Vec::with_capacity(keys.len());
         while found.len() < keys.len() {
             // As many as there are places, so that later paths begin at new ones.
             let end = keys.len().min(found.len() + self.places.len().max(WIDTH));
-            let keys = &keys[found.len()..end];
-            let drawn = self.walk(keys, random, under)?;
+            let rows = found.len()..end;
+            let keys = &keys[rows.clone()];
+            let drawn = self.walk(keys, &open(rows)?);
             let places = keys.iter().zip(&drawn).filter_map(|(key, closed)| {
                 Some((*key, self.coordinates.place(closed.as_ref()?.coordinates())))
             });
@@ -101,24 +133,18 @@ impl<'a> Been<'a> {
     }
 
     /// The same from places that are known.
-    fn walk(
-        &self,
-        keys: &[usize],
-        random: &mut Random,
-        under: &Under<'_>,
-    ) -> Result<Vec<Option<Closed>>, Error> {
-        let open = self.configurations.opened(keys, random, under)?;
-        let loops = Loops::new(self.configurations, &open, &self.coordinates);
+    fn walk(&self, keys: &[usize], open: &Open) -> Vec<Option<Closed>> {
+        let loops = Loops::new(self.configurations, open, &self.coordinates);
         let blocks = workers::map(0..open.readings.blocks().len(), |block| {
             let meta = &open.readings.blocks()[block];
-            let drawn = self.walk_block(&open, &loops, (block, keys[meta.rows[0]]), meta.live);
+            let drawn = self.walk_block(open, &loops, (block, keys[meta.rows[0]]), meta.live);
             meta.rows.into_iter().zip(drawn).collect::<Vec<_>>()
         });
         let mut found = vec![None; keys.len()];
         for (row, closed) in blocks.into_iter().flatten() {
             found[row] = closed;
         }
-        Ok(found)
+        found
     }
 
     /// Of the samples of one block.

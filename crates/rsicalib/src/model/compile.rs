@@ -268,13 +268,9 @@ impl Model {
     fn compile_terms(&mut self, readings: &Readings) {
         for (number, (instance, &first)) in self.instances.iter().zip(&self.first).enumerate() {
             let (place, width) = (instance.place, instance.width());
-            let session = match instance.term.placed() {
-                _ if readings.sessions < 2 => None,
-                _ if bound_to_session(instance.term) => Some(place),
-                _ if instance.is_past() => None,
-                Placed::AtPose => readings.session_of_pose.get(place).copied(),
-                _ => None,
-            };
+            // What happened once lasts on through later sessions, as it does through later readings.
+            let bound = readings.sessions > 1 && bound_to_session(instance.term);
+            let session = bound.then_some(place);
             match instance.term.acts() {
                 Acts::Sensor(term) => {
                     let at = |channel| TermAt { term, channel, place, session, first, width };
@@ -312,7 +308,7 @@ impl Model {
                 | Acts::Instrument => {
                     let gate = |acts| Gate { instance: number, acts };
                     if instance.term.placed() == Placed::AtPose {
-                        self.gates.push(gate(Gating::Since { place, session }));
+                        self.gates.push(gate(Gating::Since { place }));
                     } else if instance.term.info().needs == Needs::Temperature {
                         self.gates.push(gate(Gating::Temperature));
                     }

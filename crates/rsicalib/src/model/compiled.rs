@@ -150,8 +150,8 @@ pub(crate) struct Gate {
 /// How much of a motion acts in a sample.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Gating {
-    /// All of it from one pose on, nothing before; in one session, where there are several.
-    Since { place: usize, session: Option<usize> },
+    /// All of it from one pose on, nothing before.
+    Since { place: usize },
     /// In proportion to the temperature above the mean of the session.
     Temperature,
 }
@@ -161,9 +161,8 @@ impl Gate {
     #[inline(always)]
     pub(crate) fn of(&self, block: &Block) -> Lanes {
         match self.acts {
-            Gating::Since { place, session } => {
-                let since = block.pose.map(|p| if p >= place as f64 { 1.0 } else { 0.0 });
-                session.map_or(since, |session| since * block.within(session))
+            Gating::Since { place } => {
+                block.pose.map(|p| if p >= place as f64 { 1.0 } else { 0.0 })
             }
             Gating::Temperature => block.temperature,
         }

@@ -240,6 +240,11 @@ impl Configurations {
     /// Readings of random configurations that need not close, one for each of these keys.
     pub(crate) fn open(&self, keys: &[usize], random: &mut Random) -> Result<Readings, Error> {
         let values = keys.iter().flat_map(|key| self.draw(*key, random)).collect();
+        self.at(keys, values, random)
+    }
+
+    /// Readings of these values, row by row, one row for each of these keys.
+    fn at(&self, keys: &[usize], values: Vec<f64>, random: &mut Random) -> Result<Readings, Error> {
         let columns = self.columns(keys.len(), random);
         Readings::new(&self.free, self.table(values, keys, columns))
     }
@@ -309,6 +314,11 @@ impl Configurations {
                 expected: self.wanted(),
             });
         }
+        self.readings_of(&found)
+    }
+
+    /// Readings of closed configurations, those of each combination of keys together.
+    pub(crate) fn readings_of(&self, found: &[Vec<Closed>]) -> Result<Readings, Error> {
         let keys: Vec<usize> =
             found.iter().enumerate().flat_map(|(k, f)| std::iter::repeat_n(k, f.len())).collect();
         let every = || found.iter().flatten();
@@ -410,7 +420,21 @@ impl Configurations {
         random: &mut Random,
         under: &Under<'_>,
     ) -> Result<Open, Error> {
-        let readings = self.open(keys, random)?;
+        self.in_place(self.open(keys, random)?, under)
+    }
+
+    /// The same of configurations with these readings, row by row.
+    pub(crate) fn opened_at(
+        &self,
+        keys: &[usize],
+        values: Vec<f64>,
+        random: &mut Random,
+        under: &Under<'_>,
+    ) -> Result<Open, Error> {
+        self.in_place(self.at(keys, values, random)?, under)
+    }
+
+    fn in_place(&self, readings: Readings, under: &Under<'_>) -> Result<Open, Error> {
         let (model, mut beta) = under(&readings)?;
         self.put(&model, &mut beta);
         Ok(Open { readings, model, beta })

@@ -14,24 +14,22 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::{DMatrix, DVector};
 
 use crate::Error;
 use crate::apply::change::{PlatformRms, apart, platform_difference};
 use crate::apply::earlier::{Applied, outlasts};
 use crate::apply::moved::parts_of;
 use crate::diagnosis::options::LEVEL;
-use crate::estimate::directions::{as_reported, parameter_names, reported};
+use crate::estimate::directions::{as_reported, parameter_names, reported_means};
 use crate::estimate::{Fit, Implicit, Observations, Part, Residuals};
 use crate::model::Spec;
 use crate::monitor::compare::{
     Comparison, Found, Judged, LINEARISATIONS, MOST_CHANGES, Named, Ranked, choose_again,
 };
+use crate::monitor::covariance::inverse;
 use crate::monitor::watched::displacement;
 use crate::terms::term::Outlasts;
-
-/// Variance of a direction, of that of its parameters, below which it is rounding.
-const ROUNDING: f64 = 1e-12;
 
 /// What both results determine.
 struct Both {
@@ -88,7 +86,7 @@ impl Both {
         (observations, fit): (&Observations, &Fit),
     ) -> Result<Self, Error> {
         let mechanism = &observations.mechanism;
-        let (values, later) = reported(fit);
+        let (values, later) = reported_means(fit);
         let (n, known) = (earlier.parameters.len(), &earlier.parameters);
         let before = |i: usize, j: usize| covariance.map_or(0.0, |c| c[i * n + j]);
         let told = |i: &usize| before(*i, *i).is_finite() && known[*i].value.is_finite();
@@ -244,18 +242,4 @@ fn shifted(fit: &Fit, by: &DVector<f64>) -> Vec<f64> {
     let map = DMatrix::from_fn(map.nrows(), map.ncols(), |i, j| map[(i, j)]);
     let own = map.lu().solve(by).unwrap_or_else(|| by.clone());
     fit.beta.iter().zip(own.iter()).map(|(beta, by)| beta + by).collect()
-}
-
-/// Inverse of a covariance along what is not rounding, and its rank.
-fn inverse(covariance: &DMatrix<f64>) -> (DMatrix<f64>, usize) {
-    let n = covariance.nrows();
-    let sd = covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
-    let scale = sd.map(|sd| if sd > 0.0 { sd.recip() } else { 0.0 });
-    let scaled =
-        |of: &DMatrix<f64>| DMatrix::from_fn(n, n, |i, j| of[(i, j)] * scale[i] * scale[j]);
-    let SymmetricEigen { eigenvalues, eigenvectors } = scaled(covariance).symmetric_eigen();
-    let inverse = eigenvalues.map(|value| if value > ROUNDING { value.recip() } else { 0.0 });
-    let rank = inverse.iter().filter(|value| **value > 0.0).count();
-    let own = &eigenvectors * DMatrix::from_diagonal(&inverse) * eigenvectors.transpose();
-    (scaled(&own), rank)
 }

@@ -18,6 +18,7 @@ use crate::mechanism::{Mechanism, Target};
 use crate::model::Spec;
 use crate::monitor::alarm::Change;
 use crate::monitor::any_angle::{Turned, nearest_turn};
+use crate::monitor::covariance::inverse;
 use crate::monitor::far::LINEAR;
 use crate::monitor::platform::Seen;
 use crate::monitor::rows::Rows;
@@ -217,7 +218,7 @@ pub fn compare(
     let rms_misclosure = session.misclosure(&watched);
     let mut pass = session.pass(&watched, &was, &prior);
     let (chi2_per_dof, p_value) = (pass.chi2 / count, judged.p_value(pass.chi2, count));
-    let mut changes: Vec<Named> = Vec::new();
+    let mut changes: Vec<Named>;
     let mut tried = Vec::new();
     let before = was.clone();
     let turned = (p_value <= CHANGED_LEVEL).then(|| session.turned(&mut watched)).flatten();
@@ -229,13 +230,22 @@ pub fn compare(
         pass = session.take(&mut watched, &mut was, one);
         tried.push(one.candidate);
     }
-    for _ in 0..MOST_CHANGES {
-        let ranked = session.ranked(&watched, &pass, &tried);
-        let Some(best) = Named::first(&ranked, |one| name(&watched, one)) else { break };
-        tried.push(best.candidate);
-        changes.push(best);
-        pass = session.choose_again(&mut watched, &was, &mut changes);
-        tried.extend(changes.iter().map(|one| one.candidate));
+    loop {
+        (pass, changes) = session.search(&mut watched, &was, pass, tried.clone());
+        // Where a sensor was replaced, a link as long as the whole may seem to close the loops.
+        let changed = columns_of(&watched, &changes);
+        let absurd = |one: &usize| {
+            let (values, ..) = difference(&watched, &pass, &was, &changed, *one);
+            watched.candidates[*one].is_absurd(&values)
+        };
+        let found = changes.iter().map(|one| one.candidate);
+        let absurd: Vec<usize> = found.filter(absurd).collect();
+        if absurd.is_empty() {
+            break;
+        }
+        tried.extend(absurd);
+        watched.at.clone_from(&was);
+        pass = session.settle(&mut watched, &was, &[]);
     }
     // About the earlier session a bent link may look more like a joint that has turned than the joint itself.
     if let (None, Some(one), [named]) = (far, turned, &changes[..])
@@ -254,9 +264,9 @@ pub fn compare(
     let told = told.sum::<usize>() + usize::from(far.is_some());
     let left = judged.p_value(pass.chi2, (count - told as f64).max(1.0));
     changes.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
+    let changed = columns_of(&watched, &changes);
     let found = changes.into_iter().map(|Named { candidate: k, p_value, also_fits }| {
-        let (values, covariance, alone) =
-            difference(&watched, &pass, &was, covariance.is_none(), k);
+        let (values, covariance, alone) = difference(&watched, &pass, &was, &changed, k);
         let candidate = &watched.candidates[k];
         let (parameters, [size, sd], unit) = candidate.changes(&values, &covariance);
         let [term, target] = name(&watched, k);
@@ -273,6 +283,12 @@ pub fn compare(
     });
     let changes = far.into_iter().chain(found).collect();
     Ok(Comparison { chi2_per_dof, p_value, rms_misclosure, changes, left, open: false })
+}
+
+/// Positions of the parameters of some changes.
+fn columns_of(watched: &Watched, changes: &[Named]) -> Vec<usize> {
+    let of = |one: &Named| watched.candidates[one.candidate].columns.clone();
+    changes.iter().flat_map(of).collect()
 }
 
 /// What may have changed: as at work, and the gain of a sensor.
@@ -391,11 +407,38 @@ impl<'a> Session<'a> {
         pass
     }
 
+    /// Changes, the most certain first, none of some candidates; and the state at their estimates.
+    fn search(
+        &self,
+        watched: &mut Watched,
+        was: &[f64],
+        mut pass: Pass,
+        none: Vec<usize>,
+    ) -> (Pass, Vec<Named>) {
+        let (mut changes, mut tried) = (Vec::new(), none.clone());
+        for _ in 0..MOST_CHANGES {
+            let ranked = self.ranked(watched, &pass, &tried);
+            let Some(best) = Named::first(&ranked, |one| name(watched, one)) else { break };
+            tried.push(best.candidate);
+            changes.push(best);
+            pass = self.choose_again(watched, was, &mut changes, &none);
+            tried.extend(changes.iter().map(|one| one.candidate));
+        }
+        (pass, changes)
+    }
+
     /// Chooses each change again, and gives the state at the estimates of those that are left.
-    fn choose_again(&self, watched: &mut Watched, was: &[f64], changes: &mut Vec<Named>) -> Pass {
+    fn choose_again(
+        &self,
+        watched: &mut Watched,
+        was: &[f64],
+        changes: &mut Vec<Named>,
+        none: &[usize],
+    ) -> Pass {
         choose_again(changes, |others| {
             let pass = self.settle(watched, was, others);
-            let taken: Vec<usize> = others.iter().map(|other| other.candidate).collect();
+            let taken = others.iter().map(|other| other.candidate).chain(none.iter().copied());
+            let taken: Vec<usize> = taken.collect();
             let ranked = self.ranked(watched, &pass, &taken);
             Named::first(&ranked, |candidate| name(watched, candidate))
         });
@@ -472,30 +515,49 @@ fn centre(watched: &mut Watched, pass: &mut Pass) {
 
 /// Change of a candidate's parameters since before, with its covariance, in units of
 /// [`Watched::scale`]; and all parameters with that change alone.
+///
+/// Of what has changed, `S`, the readings tell where it is. Where it was is what the earlier result says, and what
+/// the others, `R`, tell of that, which are where they were:
+///
+/// ```text
+/// δ = d_S - B d_R,    B = C_SR C_RR⁻¹,    cov δ = [I -B] P [I -B]ᵀ + C_SS - B C_RS              (179)
+/// ```
+///
+/// with `d` from the earlier estimates, `C` their covariance, and `P` that of the state.
 fn difference(
     watched: &Watched,
     pass: &Pass,
     was: &[f64],
-    certain: bool,
+    changed: &[usize],
     candidate: usize,
 ) -> (DVector<f64>, DMatrix<f64>, Vec<f64>) {
-    let columns = &watched.candidates[candidate].columns;
-    let (m, q) = (pass.state.size, columns.len());
-    let model = |i: usize| watched.order[columns[i]];
-    let values = DVector::from_fn(q, |i, _| {
-        (watched.at[model(i)] - was[model(i)]) / watched.scale[columns[i]]
-    });
-    // The scale of a parameter of the calibration is its standard deviation there.
-    let known = watched.prior.len();
-    let earlier = |i: usize| {
-        let own = !certain && columns[i] * columns[i] < known;
-        if own { 1.0 } else { 0.0 }
+    let known = watched.prior.len().isqrt();
+    let own = &watched.candidates[candidate].columns;
+    let rest: Vec<usize> = (0..known).filter(|k| !changed.contains(k)).collect();
+    let earlier = |rows: &[usize], columns: &[usize]| {
+        DMatrix::from_fn(rows.len(), columns.len(), |i, j| match rows[i].max(columns[j]) < known {
+            true => watched.prior[rows[i] * known + columns[j]],
+            false => 0.0,
+        })
     };
-    let covariance = DMatrix::from_fn(q, q, |i, j| {
-        let now = pass.state.covariance[columns[i] * m + columns[j]];
-        if i == j { now + earlier(i) } else { now }
+    let by = earlier(own, &rest) * inverse(&earlier(&rest, &rest)).0;
+    let all = [&own[..], &rest].concat();
+    let moved = DVector::from_fn(all.len(), |i, _| {
+        let column = watched.order[all[i]];
+        (watched.at[column] - was[column]) / watched.scale[all[i]]
     });
+    let m = pass.state.size;
+    let now =
+        DMatrix::from_fn(all.len(), all.len(), |i, j| pass.state.covariance[all[i] * m + all[j]]);
+    let (q, r) = (own.len(), rest.len());
+    let mut less = DMatrix::identity(q, q + r);
+    less.columns_mut(q, r).copy_from(&-&by);
+    let values = &less * moved;
+    let before = earlier(own, own) - &by * earlier(&rest, own);
+    let covariance = &less * now * less.transpose() + before;
     let mut alone = was.to_vec();
-    (0..q).for_each(|i| alone[model(i)] = watched.at[model(i)]);
+    for (i, &position) in own.iter().enumerate() {
+        alone[watched.order[position]] += values[i] * watched.scale[position];
+    }
     (values, covariance, alone)
 }

@@ -49,6 +49,7 @@ mod any_angle;
 pub mod by_parameters;
 pub mod closing;
 pub mod compare;
+mod covariance;
 mod drift;
 mod estimating;
 mod factor;

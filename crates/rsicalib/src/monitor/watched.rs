@@ -12,7 +12,7 @@ use crate::monitor::place::Place;
 use crate::monitor::score::MOST_COLUMNS;
 use crate::numerics::random::Random;
 use crate::readings::Table;
-use crate::terms::targets::typical;
+use crate::terms::targets::{largest_effect, typical};
 use crate::terms::term::{Info, Needs, Role};
 use crate::{Error, terms};
 
@@ -57,6 +57,14 @@ pub(crate) struct Candidate {
     pub(crate) drift: Option<usize>,
     /// True for the offset of a joint that turns.
     pub(crate) turns: bool,
+}
+
+impl Candidate {
+    /// True for a change that is beyond all proportion; a joint may turn by any angle.
+    pub(crate) fn is_absurd(&self, values: &DVector<f64>) -> bool {
+        let times = values.iter().zip(&self.typical).map(|(value, typical)| value.abs() / typical);
+        !self.turns && times.fold(0.0, f64::max) > largest_effect()
+    }
 }
 
 impl Watched {

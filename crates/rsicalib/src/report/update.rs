@@ -149,17 +149,16 @@ impl Update {
         }
         let changes: Vec<String> = self.changes.iter().map(Changed::sentence).collect();
         let changes = changes.join(", ");
-        match self.rms_after.filter(|_| self.worth) {
-            Some(after) => format!(
-                "changed: {changes}; an update is worth it: held out, the loops close to {} {unit} \
-                 instead of {}",
-                significant(after, 3),
-                significant(self.rms_before, 3)
-            ),
-            None => format!(
-                "changed: {changes}; an update is not worth it: held out, the loops close no better"
-            ),
-        }
+        let Some(after) = self.rms_after else { return format!("changed: {changes}") };
+        let (worth, why) = match (self.worth, after < self.rms_before) {
+            (true, _) => ("an update is worth it", ""),
+            (false, true) => ("an update is not worth it", ", but by how much is not certain"),
+            (false, false) => ("an update is not worth it", ", no better"),
+        };
+        let [after, before] = [after, self.rms_before].map(|rms| significant(rms, 3));
+        format!(
+            "changed: {changes}; {worth}: held out, the loops close to {after} {unit} instead of {before}{why}"
+        )
     }
 }
 

@@ -5,6 +5,11 @@ use crate::mechanism::{Chain, Mechanism, Motion, PlaceName, Row, Target, Variabl
 use crate::readings::{Readings, is_absent};
 use crate::terms::term::{Acts, Class, Needs, Per, Placed, Role, Spot, Term};
 
+stated! {
+    /// Largest size of an effect, in its typical sizes.
+    pub(crate) fn largest_effect() -> f64 = 30.0;
+}
+
 /// Every target that a term may have in a mechanism.
 #[must_use]
 pub fn targets(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {

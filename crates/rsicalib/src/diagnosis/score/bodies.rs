@@ -165,14 +165,8 @@ impl<'a> Bodies<'a> {
         let live: Vec<usize> = (0..poses.len()).filter(live).collect();
         let stride = live.len().div_ceil(MOST_TIMES).max(1);
         let side = SIDE.max((EQUATIONS * extra).div_ceil(k));
-        let none = || StepSums::new(self.at.rank(), extra);
-        let (mut sums, mut last) = (none(), None);
+        let mut sums = StepSums::new(self.at.rank(), extra);
         for (order, &pose) in live.iter().enumerate().rev() {
-            // What happened in one session has its place in that session.
-            let session = readings.session_of_pose.get(pose);
-            if last.replace(session).is_some_and(|later| later != session) {
-                sums = none();
-            }
             for e in poses[pose].iter().filter(counts).flat_map(|&row| self.at.equations(row)) {
                 let z = &self.z[e * self.columns + first..][..extra];
                 sums.add(self.at.q(e), z, self.at.residuals.whitened[e]);

@@ -191,17 +191,8 @@ impl<'a> Poses<'a> {
         scored
     }
 
-    /// The session of a pose that counts.
-    fn session(&self, order: usize) -> Option<&usize> {
-        self.at.observations.readings.session_of_pose.get(*self.live.get(order)?)
-    }
-
-    /// The sums from one pose later on, with this pose; what this pose adds to `ZᵀZ`. A sensor that slipped in
-    /// one session is read as before in the next.
+    /// The sums from one pose later on, with this pose; what this pose adds to `ZᵀZ`.
     fn earlier(&self, time: &mut Time, channel: usize, order: usize) -> f64 {
-        if time.order < self.live.len() && self.session(order) != self.session(time.order) {
-            time.column.clear();
-        }
         let zz = time.column.zz;
         self.add(&mut time.column, channel, order);
         time.order = order;
@@ -226,8 +217,6 @@ impl<'a> Poses<'a> {
         let score = |time: &Time| {
             let score = time.column.score(&self.at.pull, SEEN)?;
             let (before, after) = each.split_at(time.order);
-            let same = |at: &usize| self.session(*at) == self.session(time.order);
-            let after = &after[..(time.order..self.live.len()).take_while(same).count()];
             let squared = score / time.column.left();
             (seen(before, squared) && seen(after, squared)).then_some(score)
         };
