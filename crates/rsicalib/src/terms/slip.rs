@@ -1,12 +1,14 @@
 //! [`Slip`].
 
+use crate::mechanism::{Mechanism, Target};
 use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Placed, Role, Sensor, Site, Term};
 
 term! {
     /// A sensor that jumped once.
     ///
-    /// Adds `step` to the joint angle from one pose on: a set screw that gave way.
+    /// Adds `step` to the joint angle from one pose on: a set screw that gave way. `slip@each` adds to all
+    /// channels that read lengths: belts that were wound up anew.
     /// The search tries every pose, and the p-value is corrected for their number.
     Slip("slip", Sensor, per Channel, needs Nothing) {
         step: "rad" ~ 0.01,
@@ -16,6 +18,14 @@ term! {
 impl Term for Slip {
     fn placed(&self) -> Placed {
         Placed::AtPose
+    }
+
+    /// Belts that are wound up anew begin elsewhere, all of them.
+    fn shared_by(&self, mechanism: &Mechanism) -> Vec<Target> {
+        Target::together(mechanism.measuring())
+            .filter(|t| mechanism.one_make(*t))
+            .into_iter()
+            .collect()
     }
 
     fn role(&self) -> Role {

@@ -115,9 +115,7 @@ pub fn shared(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
     let once = term.placed() == Placed::Once;
     let other = term.role() == Role::Other;
     let needs_order = term.needs().contains(&Needs::Order);
-    if !once || needs_order || info.penalised || term.on_request_only() {
-        return Vec::new();
-    }
+    let alone = !once || needs_order || info.penalised || term.on_request_only();
     let single = targets(term, mechanism);
     let fits = |target: &Target| match (target, info.per) {
         (Target::EachRow(..), Per::Row) => other,
@@ -135,8 +133,8 @@ pub fn shared(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
         _ => false,
     };
     let there = |target: &Target| mechanism.parts(*target).iter().all(|t| single.contains(t));
-    let mut all: Vec<Target> =
-        mechanism.shared_targets().into_iter().filter(|t| fits(t) && there(t)).collect();
+    let mut all = if alone { Vec::new() } else { mechanism.shared_targets() };
+    all.retain(|t| fits(t) && there(t));
     for target in term.shared_by(mechanism) {
         let parts = mechanism.parts(target);
         if there(&target) && all.iter().all(|other| mechanism.parts(*other) != parts) {

@@ -62,21 +62,26 @@ pub fn score(at: &AtFit, judge: &Judge, without: &[String]) -> Result<Vec<Scored
     let allowed = |id: &str| !without.iter().any(|w| w == id);
     let (slip, bad) = (find("slip")?, find("bad_reading")?);
     let slips = allowed("slip") && searchable(slip, mechanism, readings).is_ok();
-    let of_channel = |channel: usize| {
-        let target = Target::Channel(channel);
+    let together = if slips { slip.shared_by(mechanism) } else { Vec::new() };
+    let number = readings.channels + together.len();
+    let of_target = |k: usize| {
+        let target = if k < readings.channels {
+            Target::Channel(k)
+        } else {
+            together[k - readings.channels]
+        };
         let mut scored = Vec::new();
-        if allowed("bad_reading") {
-            scored = poses.bad_of(channel, Instance { term: bad, target, place: 0 });
+        if allowed("bad_reading") && !target.is_shared() {
+            scored = poses.bad_of(Instance { term: bad, target, place: 0 });
         }
         if slips {
-            scored.extend(poses.slips_of(channel, Instance { term: slip, target, place: 0 }));
+            scored.extend(poses.slips_of(Instance { term: slip, target, place: 0 }, number));
         }
         scored
     };
-    let channels = 0..readings.channels;
     let parts: Vec<Vec<Scored>> = match poses.live.len() > MANY {
-        true => workers::map(channels, of_channel),
-        false => channels.map(of_channel).collect(),
+        true => workers::map(0..number, of_target),
+        false => (0..number).map(of_target).collect(),
     };
     let mut scored = parts.concat();
     if allowed("bad_reading") && readings.held {
@@ -136,10 +141,11 @@ impl<'a> Poses<'a> {
         scored
     }
 
-    /// Adds the entries of a channel's column in one pose.
-    fn add(&self, column: &mut Column, channel: usize, order: usize) {
+    /// Adds the entries of a column in one pose: of a channel, or of several of one make.
+    fn add(&self, column: &mut Column, channels: &[usize], order: usize) {
         for equation in self.rows[order].iter().flat_map(|&row| self.at.equations(row)) {
-            column.add(self.at, equation, self.at.by_reading(equation, channel));
+            let by = channels.iter().map(|&channel| self.at.by_reading(equation, channel));
+            column.add(self.at, equation, by.sum());
         }
     }
 
@@ -153,14 +159,15 @@ impl<'a> Poses<'a> {
 
     /// Scores of wrong readings of one channel. A recording has millions: of those that nobody
     /// could name, which would cost time and memory, it keeps the best.
-    fn bad_of(&self, channel: usize, of: Instance) -> Vec<Scored> {
+    fn bad_of(&self, of: Instance) -> Vec<Scored> {
+        let channels = self.at.observations.mechanism.channels_at(of.target);
         let held = self.at.observations.readings.held;
         let tests = self.tests_bad();
         let (mut scored, mut column) = (Vec::new(), Column::new(self.at.rank()));
         let mut dull: Option<(f64, Instance)> = None;
         for (order, &place) in self.live.iter().enumerate().rev() {
             column.clear();
-            self.add(&mut column, channel, order);
+            self.add(&mut column, &channels, order);
             let Some(score) = column.score(&self.at.pull, SEEN) else { continue };
             let instance = Instance { place, ..of };
             if held || score > SURPRISE {
@@ -192,22 +199,23 @@ impl<'a> Poses<'a> {
     }
 
     /// The sums from one pose later on, with this pose; what this pose adds to `ZᵀZ`.
-    fn earlier(&self, time: &mut Time, channel: usize, order: usize) -> f64 {
+    fn earlier(&self, time: &mut Time, channels: &[usize], order: usize) -> f64 {
         let zz = time.column.zz;
-        self.add(&mut time.column, channel, order);
+        self.add(&mut time.column, channels, order);
         time.order = order;
         time.column.zz - zz
     }
 
-    /// Scores of slips of one channel: at [`MOST_TIMES`] times at the most, and then at every one about
+    /// Scores of slips of one of `number` targets: at [`MOST_TIMES`] times at the most, and then at every one about
     /// the best.
-    fn slips_of(&self, channel: usize, of: Instance) -> Vec<Scored> {
+    fn slips_of(&self, of: Instance, number: usize) -> Vec<Scored> {
+        let channels = self.at.observations.mechanism.channels_at(of.target);
         let stride = self.live.len().div_ceil(MOST_TIMES).max(1);
         let end = Time { order: self.live.len(), column: Column::new(self.at.rank()) };
         let (mut after, mut times) = (end.clone(), Vec::new());
         let mut each = vec![0.0; self.live.len()];
         for order in (0..self.live.len()).rev() {
-            each[order] = self.earlier(&mut after, channel, order);
+            each[order] = self.earlier(&mut after, &channels, order);
             if order > 0 && order % stride == 0 {
                 times.push(after.clone());
             }
@@ -229,17 +237,17 @@ impl<'a> Poses<'a> {
             let mut time = best.checked_sub(1).map_or(&end, |later| &times[later]).clone();
             let first = times.get(best + 1).map_or(0, |earlier| earlier.order);
             for order in (first + 1..time.order).rev() {
-                self.earlier(&mut time, channel, order);
+                self.earlier(&mut time, &channels, order);
                 if score_of(&time) > score_of(&times[best]) {
                     times[best] = time.clone();
                 }
             }
         }
-        // It pays for every channel and time at which it could have been. Rows that tell no time are
+        // It pays for every target and time at which it could have been. Rows that tell no time are
         // not known to be in its order, pose by pose: each may be a time of its own.
         let readings = &self.at.observations.readings;
         let tried = if readings.timed { times.len() * stride } else { readings.taken };
-        let tests = (readings.channels * tried) as f64;
+        let tests = (number * tried) as f64;
         let scored = |time: &Time| {
             let instance = Instance { place: self.live[time.order], ..of };
             let score = score(time)?;
