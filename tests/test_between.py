@@ -13,7 +13,7 @@ import pytest
 from scipy import stats
 
 import rsicalib
-from tests import between
+from tests import between, cone
 from tests.full import sized
 from tests.machines import arm, files
 from tests.oracle import Array
@@ -170,3 +170,30 @@ def test_one_zero_that_differs_from_surface_to_surface_has_students_interval(
     spread = np.std([p.value for p in each], ddof=1) / 2
     student = stats.t.ppf(0.975, 3) / stats.norm.ppf(0.975) * spread
     assert pooled.sd_between == pytest.approx(student, rel=0.2)  # surfaces tell it unequally well
+
+
+def test_an_arm_that_has_not_changed_is_not_told_changed_at_other_placements() -> None:
+    mechanism = rsicalib.Mechanism.from_toml(cone.mechanism(2e-5, between.PLAY, between.TERMS))
+    true = np.array([0.004, -0.006, 0.008, -0.010, 1.0, -2.0, 1.5])
+    small, moved, sure = 0, 0, []
+    for seed in range(sized(6, 40)):
+        rng = np.random.default_rng([seed, 99])
+        results: list[rsicalib.Calibration] = []
+        for _ in range(2):
+            shifts = 0.005 * between.SIZES * rng.standard_normal((3, 7))
+            rows = np.concatenate([between.placement(rng, true + shift) for shift in shifts])
+            columns = {f"q{k + 1}": column for k, column in enumerate(rows.T)}
+            at = [f"plate {k}" for k in range(3) for _ in range(between.POSES)]
+            earlier = results[-1] if results else None
+            found = rsicalib.calibrate({**columns, "at": at}, mechanism, calibration=earlier)
+            results.append(found)
+        update = results[1].update
+        assert update is not None
+        small += update.p_value < 0.01
+        moved += bool(results[1].moved)
+        there = rsicalib.forward_sd({f"q{k + 1}": rows[:, k] for k in range(6)}, mechanism, results[0])
+        assert results[0].predicted is not None
+        sure.append(float(np.sqrt(np.mean(there**2))) / results[0].predicted.position_sd)
+    # Binomial, 6 arms at 1 %: two have .1 %; of 40, four have .1 %.
+    assert max(small, moved) <= sized(1, 3)
+    assert np.median(sure) == pytest.approx(1.0, abs=0.3)

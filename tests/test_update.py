@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -141,3 +142,41 @@ def test_what_an_earlier_result_left_is_no_change() -> None:
     later = rsicalib.calibrate(turned, calibration=earlier).update
     assert later is not None and later.worth
     assert ("offset", "a11") in {(one.term, one.target) for one in later.changes}
+
+
+@pytest.mark.parametrize("seed", range(sized(3, 20)))
+def test_a_change_has_the_size_and_the_error_of_generalised_least_squares(seed: int) -> None:
+    # The witness is (175) in numpy: both results and their covariances, all parameters but one as
+    # they were. Rows weigh readings, results weigh parameters: a few per cent between them.
+    made = rsicalib.simulate(poses=30, samples=8, seed=1000 + seed)
+    before = rsicalib.calibrate(made.readings, rest=made.rest)
+    later = rsicalib.simulate(poses=30, samples=8, seed=5000 + seed, device=made.device)
+    values = np.array(later.readings.values)
+    values[:, 4] += 3.0  # a22, of nine
+    readings = replace(later.readings, values=values)
+    after = rsicalib.calibrate(readings, rest=later.rest, calibration=before)
+    d = np.array([p.value for p in after.parameters]) - [p.value for p in before.parameters]
+    told = np.linalg.inv(before.covariance + after.covariance)
+    k = [p.at for p in before.parameters].index(("offset", "a22", None))
+    variance = 1.0 / told[k, k]
+    assert after.update is not None
+    change = {(c.term, c.target): c for c in after.update.changes}["offset", "a22"]
+    assert change.sd == pytest.approx(np.sqrt(variance), rel=0.15)
+    assert abs(change.size - variance * (told[k] @ d)) < change.sd
+    assert after.update.worth
+    assert "an update is worth it" in after.update.text
+
+
+def test_a_sensor_that_was_replaced_is_no_bent_link() -> None:
+    made = rsicalib.simulate(poses=40, samples=4, seed=77)
+    before = rsicalib.calibrate(made.readings, rest=made.rest)
+    gains, offsets = made.device.gains.copy(), made.device.offsets.copy()
+    later = rsicalib.simulate(poses=40, samples=4, seed=78, device=made.device)
+    values = np.array(later.readings.values)
+    # The new sensor of a32 reads its angle with a zero .6 rad off, and 5 per cent steeper.
+    angle = values[:, 7] * gains[7] + offsets[7]
+    values[:, 7] = np.round((angle + 0.6) / (0.95 * gains[7]) - offsets[7] / gains[7])
+    after = rsicalib.calibrate(replace(later.readings, values=values), calibration=before)
+    assert after.update is not None
+    assert {c.target for c in after.update.changes} <= {"a32"}
+    assert {p.target for p in after.moved} == {"a32"}
