@@ -12,7 +12,8 @@ use crate::estimate::Observations;
 pub enum Standing {
     /// The session has reached it: no pose is worth a visit.
     Already,
-    /// These poses reach it, and fewer do not.
+    /// These poses reach it, and a plan of one less does not. Plans are searched for, and do not grow by one pose: now and
+    /// then a still shorter one would reach it.
     Reached,
     /// As many as were allowed do not.
     Missed {
