@@ -640,3 +640,10 @@ def test_a_loose_bearing_that_has_its_name_raises_no_more_alarms() -> None:
     # half as many rows more than 1 in one run of 100. Directions that the noise of readings makes
     # of a bent link raised one in every second device.
     assert named >= 0.75 * devices and more <= sized(1, 2)
+
+
+@pytest.mark.parametrize("given", ["x", [["a"] * 9], np.zeros((2, 2, 9)), object()])
+def test_readings_that_are_none_are_refused(given: object) -> None:
+    monitor = rsicalib.Monitor(rsicalib.calibrate(DEMO / "readings.csv", rest=DEMO / "rest.csv"))
+    with pytest.raises(InputError, match="expected numbers, of shape"):
+        monitor.update(given)  # type: ignore[arg-type]

@@ -27,6 +27,7 @@ from rsicalib.io.frames import TableArg, as_table, is_frame
 from rsicalib.io.readings import Readings
 from rsicalib.io.stream import Rows, rows_in_memory, rows_of
 from rsicalib.io.times import TIME
+from rsicalib.plain_text import quoted
 from rsicalib.results.result import Calibration, Result, Trace
 from rsicalib.tabular import Told
 from rsicalib.units import with_unit
@@ -362,7 +363,13 @@ class Monitor:
             table = rows_in_memory(given, self._names, since=EPOCH)
             time_s = table.time_s if time_s is None else time_s
             given = table.values
-        values = np.ascontiguousarray(given, dtype=np.float64)
+        expected = f"numbers, of shape ({len(self._names)},) or (n, {len(self._names)})"
+        try:
+            values = np.ascontiguousarray(given, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InputError(f"found {quoted(str(given)[:40])}, expected {expected}") from None
+        if values.ndim not in (1, 2):
+            raise InputError(f"found readings of shape {np.shape(given)}, expected {expected}")
         if values.ndim == 1:
             one = None if time_s is None else float(np.asarray(time_s))
             return _alarms(self._core.update(values, one))
