@@ -191,7 +191,9 @@ def test_an_arm_that_has_not_changed_is_not_told_changed_at_other_placements() -
         assert update is not None
         small += update.p_value < 0.01
         moved += bool(results[1].moved)
-        there = rsicalib.forward_sd({f"q{k + 1}": rows[:, k] for k in range(6)}, mechanism, results[0])
+        there = rsicalib.forward_sd(
+            {f"q{k + 1}": rows[:, k] for k in range(6)}, mechanism, results[0]
+        )
         assert results[0].predicted is not None
         sure.append(float(np.sqrt(np.mean(there**2))) / results[0].predicted.position_sd)
     # Binomial, 6 arms at 1 %: two have .1 %; of 40, four have .1 %.

@@ -109,8 +109,8 @@ def beside_earlier(
     Chance alone would move any of them once in 100 results. `between` is what changes from group to
     group of the new result.
     """
-    sd = deviations_of(earlier, beside=between)
-    before = [(p.at, p.name, p.value, sd) for p, sd in zip(earlier.parameters, sd, strict=True)]
+    known = zip(earlier.parameters, deviations_of(earlier, beside=between), strict=True)
+    before = [(p.at, p.name, p.value, sd) for p, sd in known]
     now = [(p.at, p.name, p.value, p.sd_between or p.sd) for p in parameters]
     out, moved = list(parameters), []
     for number, old, new, sd, beyond in _core.compared(mechanism, before, now):
