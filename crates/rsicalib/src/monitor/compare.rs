@@ -31,6 +31,7 @@ use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::distributions::{chi2_tail, f_tail};
 use crate::numerics::lanes::WIDTH;
 use crate::readings::Readings;
+use crate::terms::term::Role;
 
 /// Probability that chance alone makes any change of a device.
 pub const CHANGED_LEVEL: f64 = 0.01;
@@ -217,7 +218,8 @@ pub fn compare(
     let prior = watched.prior.clone();
     let rms_misclosure = session.misclosure(&watched);
     let mut pass = session.pass(&watched, &was, &prior);
-    let (chi2_per_dof, p_value) = (pass.chi2 / count, judged.p_value(pass.chi2, count));
+    let first = pass.chi2;
+    let (chi2_per_dof, p_value) = (first / count, judged.p_value(first, count));
     let mut changes: Vec<Named>;
     let mut tried = Vec::new();
     let before = was.clone();
@@ -259,6 +261,21 @@ pub fn compare(
         watched.at.clone_from(&was);
         pass = session.take(&mut watched, &mut was, one);
         far = Some(one);
+    }
+    if changes.len() + usize::from(far.is_some()) > 1 {
+        let now = (watched.at.clone(), std::mem::replace(&mut watched.prior, prior));
+        watched.at.clone_from(&before);
+        let most = pass.chi2 + AS_WELL;
+        match session.replaced(&mut watched, &before, first).filter(|(it, _)| it.chi2 <= most) {
+            Some(replaced) => {
+                (pass, changes) = replaced;
+                (far, was) = (None, before.clone());
+            }
+            None => {
+                (watched.at, watched.prior) = now;
+                pass = session.settle(&mut watched, &was, &changes);
+            }
+        }
     }
     let told = changes.iter().map(|one| watched.candidates[one.candidate].columns.len());
     let told = told.sum::<usize>() + usize::from(far.is_some());
@@ -425,6 +442,42 @@ impl<'a> Session<'a> {
             tried.extend(changes.iter().map(|one| one.candidate));
         }
         (pass, changes)
+    }
+
+    /// The sensor that was replaced by one with another zero and another gain, if one was; where nothing has changed
+    /// is a `χ²` of `first`.
+    fn replaced(
+        &self,
+        watched: &mut Watched,
+        was: &[f64],
+        first: f64,
+    ) -> Option<(Pass, Vec<Named>)> {
+        let of = |watched: &Watched, role: Role| -> Vec<(usize, Option<String>)> {
+            let all = watched.candidates.iter().enumerate();
+            let own = all.filter(|(_, one)| one.role() == Some(role));
+            own.map(|(k, one)| (k, one.spec.target.clone())).collect()
+        };
+        let named =
+            |p_value: f64| move |candidate| Named { candidate, p_value, also_fits: Vec::new() };
+        let mut best: Option<(f64, [usize; 2])> = None;
+        let gains = of(watched, Role::Gain);
+        for (offset, target) in of(watched, Role::Offset) {
+            let Some((gain, _)) = gains.iter().find(|(_, other)| *other == target) else {
+                continue;
+            };
+            let both = [offset, *gain];
+            watched.at.copy_from_slice(was);
+            let chi2 = self.settle(watched, was, &both.map(named(1.0))).chi2;
+            if best.is_none_or(|(best, _)| chi2 < best) {
+                best = Some((chi2, both));
+            }
+        }
+        let (chi2, both) = best?;
+        let tests = watched.candidates.len() as f64;
+        let p_value = (self.judged.log_p(first - chi2, 2).exp() * tests).min(1.0);
+        let both: Vec<Named> = both.map(named(p_value)).into();
+        watched.at.copy_from_slice(was);
+        Some((self.settle(watched, was, &both), both))
     }
 
     /// Chooses each change again, and gives the state at the estimates of those that are left.
