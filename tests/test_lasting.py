@@ -38,8 +38,8 @@ def test_a_sensor_that_slipped_before_the_second_of_three_sessions_is_one_slip(s
     step = found.steps[0].parameters[0]
     truth = -STEP * made.device.gains[4]
     assert step.value == pytest.approx(truth, abs=4 * step.sd)
-    # Poses are numbered through all sessions: it is the first of the second, or one beside that.
-    assert abs(int(found.steps[0].place) - 31) <= 2
+    # The first pose of the second session, or one beside that.
+    assert found.steps[0].place in {"1/29", "1/30", "2/1", "2/2", "2/3"}
     # Places of the last session, by what the session before it does not know.
     there = rsicalib.forward(third, "rsi", found)
     alone = rsicalib.forward(third, "rsi", rsicalib.calibrate(third, rest=made.rest))

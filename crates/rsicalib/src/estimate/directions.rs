@@ -293,7 +293,8 @@ pub struct ParameterReport {
     /// none.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub sd_between: Option<f64>,
-    /// Where a searched term acts: a pose, or another channel.
+    /// Where a searched term acts: a pose, or another channel; `2/1` is pose 1 of session 2, where several sessions have
+    /// that number.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub place: Option<String>,
     /// First and last pose at which something may have happened that has acted ever since, 95 %.

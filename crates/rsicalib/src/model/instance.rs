@@ -87,8 +87,17 @@ pub fn places(
     }
 }
 
+fn pose_name(readings: &Readings, pose: usize) -> String {
+    let Some(label) = readings.labels.get(pose) else { return String::new() };
+    let several = readings.held && readings.sessions > 1;
+    match several && readings.labels.iter().filter(|other| *other == label).count() > 1 {
+        true => format!("{}/{label}", readings.session_of_pose[pose] + 1),
+        false => label.to_string(),
+    }
+}
+
 /// Name of the place of a term: a pose label, a channel, or a session counted from 1; empty for a
-/// place that does not exist.
+/// place that does not exist. A label that several sessions have stands behind the number of its session: `2/1`.
 #[must_use]
 pub fn place_name(
     term: &dyn Term,
@@ -101,7 +110,7 @@ pub fn place_name(
             mechanism.channels.get(place).map(|c| c.name.clone()).unwrap_or_default()
         }
         Placed::AtOrder => (ORDER_STEP * place as f64).to_string(),
-        Placed::AtPose => readings.labels.get(place).map(ToString::to_string).unwrap_or_default(),
+        Placed::AtPose => pose_name(readings, place),
         Placed::Once if bound_to_session(term) => (place + 1).to_string(),
         Placed::Once => String::new(),
     }

@@ -32,7 +32,7 @@ pub struct Place {
     pub class: Class,
     /// What the term belongs to.
     pub target: String,
-    /// Where a searched term acts.
+    /// Where a searched term acts; `2/1` is pose 1 of session 2, where several sessions have that number.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub place: Option<String>,
     /// What people call the target.
@@ -111,7 +111,7 @@ pub struct StepReport {
     /// Estimates.
     #[cfg_attr(feature = "serde", serde(default))]
     pub parameters: Vec<StepParameter>,
-    /// Where a searched term acts.
+    /// Where a searched term acts; `2/1` is pose 1 of session 2, where several sessions have that number.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub place: Option<String>,
     /// What people call the target.
