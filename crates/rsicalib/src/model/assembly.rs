@@ -2,6 +2,8 @@
 
 use nalgebra::{Rotation3, Vector3};
 
+use std::cell::RefCell;
+
 use crate::Error;
 use crate::mechanism::{Channel, Closure, Mechanism, Point};
 use crate::model::compiled::Model;
@@ -129,8 +131,9 @@ pub(crate) fn inverse_from(
     let readings = Readings::new(&bare, table)?;
     let model = Model::uncentred(&bare, &readings, Vec::new())?;
     let (m, n) = (model.equations(), start.len());
+    let room = RefCell::new(Workspace::default());
     let at = |q: &[f64], want: Want| {
-        let mut ws = Workspace::default();
+        let mut ws = room.borrow_mut();
         let lanes: Vec<Lanes> = q.iter().map(|q| Lanes::splat(*q)).collect();
         model.evaluate(&readings, 0, &lanes, &[], want, &mut ws);
         ws
