@@ -24,6 +24,7 @@ from rsicalib.io.sources import LIMIT, LONGEST_LINE, read_json
 from rsicalib.io.stream import rows_of
 from rsicalib.work.prior import read_population
 from rsicalib.work.state import read_state
+from tests.channels import Named
 from tests.commands import run
 
 READINGS = (DEMO / "readings.csv").read_text(encoding="utf-8")
@@ -93,7 +94,7 @@ def test_a_file_without_an_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> No
     with pytest.raises(InputError, match="more than 1e\\+06 bytes"):
         rsicalib.load_readings("/dev/zero")
     with pytest.raises(InputError, match=f"a line of more than {LONGEST_LINE:,} bytes"):
-        next(rows_of("/dev/zero", ["a11"]))
+        next(rows_of("/dev/zero", Named("a11")))
 
 
 @pytest.mark.parametrize("read", [read_state, read_population, read_json])
@@ -257,7 +258,7 @@ def test_a_name_of_a_file_that_cannot_be_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="where one cannot write"):
         write_text(tmp_path / ("a" * 250), "text")
     with pytest.raises(InputError, match="null byte"):
-        next(rows_of("a\0b", ["a11"]))
+        next(rows_of("a\0b", Named("a11")))
 
 
 REACHES = re.compile(

@@ -19,6 +19,7 @@ from rsicalib.guide.run import guide
 from rsicalib.guide.source import open_source
 from rsicalib.io.messages import as_json, documents, message_of
 from rsicalib.io.stream import rows_of
+from tests.channels import Named
 
 NAMES = ("q1", "q2")
 OTHER = "header:\n  stamp:\n    sec: 5\n    nanosec: 0\nname:\n- finger\nposition:\n- 0.2\n---\n"
@@ -43,7 +44,7 @@ def test_messages_are_rows_as_they_stand_there(tmp_path: Path) -> None:
     path = tmp_path / "echo.txt"
     lost = "A message was lost!!!\n\ttotal count change:1\n\ttotal count: 1---\n"
     path.write_text(echo(VALUES[:3]) + OTHER + lost + echo(VALUES[3:], 3))
-    rows = list(rows_of(path, NAMES))
+    rows = list(rows_of(path, Named(*NAMES)))
     assert np.array_equal(np.vstack([r.values for r in rows]), VALUES)
     times = np.concatenate([r.time_s for r in rows if r.time_s is not None])
     assert times == pytest.approx(np.arange(7) / 50)
@@ -52,7 +53,7 @@ def test_messages_are_rows_as_they_stand_there(tmp_path: Path) -> None:
 def test_a_message_that_is_not_whole_is_a_row_that_cannot_be_used(tmp_path: Path) -> None:
     path = tmp_path / "echo.txt"
     path.write_text(echo(VALUES[:2]) + echo(VALUES[2:3]).rsplit("- ", 1)[0])
-    values = np.vstack([r.values for r in rows_of(path, NAMES)])
+    values = np.vstack([r.values for r in rows_of(path, Named(*NAMES))])
     assert np.array_equal(values[:2], VALUES[:2]) and np.isnan(values[2]).any()
 
 
@@ -60,9 +61,9 @@ def test_json_a_line_is_rows_too(tmp_path: Path) -> None:
     path = tmp_path / "states.jsonl"
     made = [{"name": ["q2", "q1"], "position": row[::-1]} for row in VALUES.tolist()]
     path.write_text("\n".join(map(json.dumps, made)))
-    assert np.array_equal(np.vstack([r.values for r in rows_of(path, NAMES)]), VALUES)
+    assert np.array_equal(np.vstack([r.values for r in rows_of(path, Named(*NAMES))]), VALUES)
     path.write_text("\n".join(json.dumps(dict(zip(NAMES, row, strict=True))) for row in VALUES))
-    assert np.array_equal(np.vstack([r.values for r in rows_of(path, NAMES)]), VALUES)
+    assert np.array_equal(np.vstack([r.values for r in rows_of(path, Named(*NAMES))]), VALUES)
 
 
 def test_the_guide_takes_what_the_command_prints(tmp_path: Path) -> None:
@@ -88,7 +89,7 @@ def test_messages_call_channels_by_their_joints_and_labels_fill_columns(tmp_path
     text = echo(VALUES).replace("- q1", "- shoulder").replace("- q2", "- elbow")
     path = tmp_path / "echo.txt"
     path.write_text(text)
-    values = np.vstack([r.values for r in rows_of(path, joints)])
+    values = np.vstack([r.values for r in rows_of(path, Named(*joints), joints)])
     assert np.array_equal(values, VALUES[:, ::-1])
     columns = Columns(joints, ("at",), {"at": "cone"})
     first = columns.sample(next(as_json(text.splitlines())), 0.0)

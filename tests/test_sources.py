@@ -14,11 +14,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow
 import pytest
+from pyarrow import parquet
 
 import rsicalib
 from rsicalib import DEMO, InputError, Readings
 from rsicalib.io.stream import rows_of
+from tests.channels import Named
+from tests.oracle import Array
 
 PLAIN = (DEMO / "rest.csv").read_text(encoding="utf-8")
 NAMES = PLAIN.splitlines()[0].split(",")
@@ -67,7 +71,7 @@ def test_a_watch_reads_what_calibrate_reads(shape: str, tmp_path: Path) -> None:
     path = tmp_path / "readings.csv"
     path.write_bytes(SHAPES[shape](PLAIN))
     rsi = rsicalib.load_mechanism("rsi")
-    rows = list(rows_of(path, WANTED.channels, mechanism=rsi))
+    rows = list(rows_of(path, rsi))
     assert np.array_equal(np.vstack([part.values for part in rows]), WANTED.values)
     times = np.concatenate([part.time_s for part in rows if part.time_s is not None])
     assert WANTED.time_s is not None and np.array_equal(times, WANTED.time_s)
@@ -76,11 +80,14 @@ def test_a_watch_reads_what_calibrate_reads(shape: str, tmp_path: Path) -> None:
 def test_a_watch_reads_quoted_cells_and_decimals_that_come_late(tmp_path: Path) -> None:
     path = tmp_path / "rows.csv"
     path.write_text('"a","b"\n"1.5","2"\n3,4\n')
-    assert np.vstack([r.values for r in rows_of(path, ("a", "b"))]).tolist() == [[1.5, 2], [3, 4]]
+    assert np.vstack([r.values for r in rows_of(path, Named("a", "b"))]).tolist() == [
+        [1.5, 2],
+        [3, 4],
+    ]
     with open(path, "w", encoding="utf-8") as file:
         file.write("a;b\n1;2\n")
         file.flush()
-        rows = rows_of(path, ("a", "b"), follow=True)
+        rows = rows_of(path, Named("a", "b"), follow=True)
         assert next(rows).values.tolist() == [[1.0, 2.0]]
         file.write("1,5;2\n")
         file.flush()
@@ -93,7 +100,88 @@ def test_a_watch_refuses_what_can_be_misread(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "readings.csv"
     path.write_bytes(make(PLAIN))
     with pytest.raises(InputError, match=words):
-        list(rows_of(path, WANTED.channels, mechanism=rsicalib.load_mechanism("rsi")))
+        list(rows_of(path, rsicalib.load_mechanism("rsi")))
+
+
+def watched(path: Path) -> Array:
+    """Readings of a file as a watch takes them."""
+    parts = [part.values for part in rows_of(path, rsicalib.load_mechanism("rsi"))]
+    return np.vstack(parts)
+
+
+CELL = PLAIN.splitlines()[3].split(",")[-1]
+ROWS: dict[str, Callable[[str], str]] = {
+    "a cell too many": lambda line: line.replace(",", ",5,", 1),
+    "a comma at the end": lambda line: line + ",",
+    "a cell too few": lambda line: line.split(",", 1)[1],
+    "an underscore in a number": lambda line: line[:-1] + "_" + line[-1],
+    "a word": lambda line: line[: -len(CELL)] + "off",
+    "nothing": lambda line: line[: -len(CELL)],
+    "other digits": lambda line: line[: -len(CELL)] + "\u0661\u0662",
+    "text behind a quote": lambda line: line[: -len(CELL)] + f'"{CELL}"5',
+}
+
+
+@pytest.mark.parametrize("kind", ROWS)
+def test_a_row_that_calibrate_refuses_is_unreadable_to_a_watch(kind: str, tmp_path: Path) -> None:
+    lines = PLAIN.splitlines()
+    lines[3] = ROWS[kind](lines[3])
+    path = tmp_path / "rows.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match="line 4"):
+        rsicalib.load_readings(path)
+    found = watched(path)
+    assert np.isnan(found[2]).any()
+    others = np.arange(len(found)) != 2
+    assert np.array_equal(found[others], WANTED.values[others])
+
+
+HEADS: dict[str, tuple[Callable[[list[str]], list[str]], str]] = {
+    "the time twice": (lambda names: ["time_s", *names[1:]], "time_s: found it twice, as columns"),
+    "a channel twice": (lambda names: [*names[:-1], "a11"], "a11: found it twice"),
+    "no such channel": (lambda names: [*names[:-1], "A33"], "There is 'A33'; names must agree"),
+    "half a pose": (lambda names: [n if n != "y" else "" for n in names], "found 'x' without 'y'"),
+}
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+@pytest.mark.parametrize("kind", HEADS)
+def test_a_head_that_calibrate_refuses_is_refused_by_a_watch(
+    kind: str, ending: str, tmp_path: Path
+) -> None:
+    make, words = HEADS[kind]
+    head, rest = PLAIN.split("\n", 1)
+    names = make(["pose", *head.split(",")[1:]])
+    path = tmp_path / f"rows.{ending}"
+    if ending == "csv":
+        path.write_text("\n".join([",".join(names), rest]))
+    else:
+        cells = [np.array([float(v or "nan")]) for v in rest.split("\n", 1)[0].split(",")]
+        parquet.write_table(pyarrow.Table.from_arrays(list(map(pyarrow.array, cells)), names), path)
+    said = []
+    for read in (rsicalib.load_readings, watched):
+        with pytest.raises(InputError, match=words) as caught:
+            read(path)
+        said.append(str(caught.value))
+    assert said[0] == said[1]
+
+
+def test_cells_of_parquet_are_the_same_numbers_to_a_watch(tmp_path: Path) -> None:
+    path = tmp_path / "rows.parquet"
+    cells = {name: ["1_5", "15", None, " 7 "] for name in (" a ", "b")}
+    parquet.write_table(pyarrow.table({**cells, "b": [True, False, True, True]}), path)
+    found = np.vstack([part.values for part in rows_of(path, Named("a", "b"))])
+    assert np.array_equal(found[:, 0], [np.nan, 15.0, np.nan, 7.0], equal_nan=True)
+    assert np.isnan(found[:, 1]).all()
+
+
+def test_units_of_columns_that_are_not_taken_are_not_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "rows.csv"
+    head, below, rest = units(PLAIN).split("\n", 2)
+    lines = [f"{line},1" for line in rest.splitlines()]
+    path.write_text("\n".join([f"{head},force", f"{below},N", *lines]) + "\n", encoding="utf-8")
+    same(rsicalib.load_readings(path))
+    assert np.array_equal(watched(path), WANTED.values)
 
 
 def test_a_line_is_counted_with_the_comments_above_it(tmp_path: Path) -> None:

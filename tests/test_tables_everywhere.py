@@ -102,6 +102,9 @@ def test_a_watch_takes_dates_row_by_row_or_frame_by_frame(found: Trace, tmp_path
         watch = rsicalib.watch(given, found, false_alarms="0.1/h")
         assert list(watch) == []
         assert watch.summary().false_alarms == pytest.approx(0.1 * 0.1 / 3600)
+    # Dates in a column of another name are times, as where a session is loaded.
+    named = rsicalib.watch(table.rename(columns={"time_s": "stamp"}), found, false_alarms="0.1/h")
+    assert named.summary().false_alarms == pytest.approx(0.1 * 0.1 / 3600)
     monitor = rsicalib.Monitor(found)
     for first in (0, 20, 40):
         monitor.update(table[first : first + 20])

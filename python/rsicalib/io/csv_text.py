@@ -83,7 +83,7 @@ def read_csv_text(content: str, source: str) -> CsvText:
     above, content = _comments(content)
     header = content.split("\n", 1)[0]
     delimiter = delimiter_of(header)
-    rows, lines = _rows(content, source, delimiter, above)
+    rows, lines = rows_of_text(content, source, delimiter, above)
     while rows and not rows[-1]:  # empty lines at the end say nothing, and editors leave them
         rows.pop()
     decimal = "." if delimiter == "," else decimal_mark(rows, lines, source)
@@ -105,10 +105,16 @@ def _comments(content: str) -> tuple[int, str]:
     return above, content[at:]
 
 
-def _rows(
+def rows_of_text(
     content: str, source: str, delimiter: str, above: int
 ) -> tuple[list[list[str]], list[int]]:
-    """Cells of every row, and the line where each row begins."""
+    """Cells of every row, and the line where each row begins, behind `above` lines.
+
+    Raises
+    ------
+    InputError
+        Quotes are not in pairs.
+    """
     reader = csv.reader(io.StringIO(content, newline=""), strict=True, delimiter=delimiter)
     rows: list[list[str]] = []
     lines = [above + 1]

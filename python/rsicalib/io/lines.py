@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import os
 import time
@@ -10,7 +9,7 @@ import zlib
 from collections.abc import Iterator
 
 from rsicalib.errors import InputError
-from rsicalib.io.csv_text import COMMENT, decimal_mark, delimiter_of
+from rsicalib.io.csv_text import COMMENT, decimal_mark, delimiter_of, rows_of_text
 from rsicalib.io.sources import LONGEST_LINE, WHOLE, decoded
 
 CHUNK = 1 << 16
@@ -70,7 +69,7 @@ class Marks:
         self._line = line
         self._delimiter = delimiter_of(header)
         self._decimal = "." if self._delimiter == "," else None
-        self.names = [name.strip() for name in self._cells(header)]
+        self.names = [name.strip() for name in self._rows(header)[0]]
 
     def plain(self, lines: list[bytes]) -> list[bytes]:
         """The same lines with commas between cells, points before decimals, and no quotes."""
@@ -86,10 +85,15 @@ class Marks:
         return [",".join(cell.replace(",", comma) for cell in row).encode() for row in rows]
 
     def _cells(self, line: str) -> list[str]:
+        """Cells of a line; none where it is no line of CSV."""
         try:
-            return next(csv.reader([line.rstrip("\r")], delimiter=self._delimiter), [])
-        except csv.Error:  # a cell of more characters than there are in any reading
+            return self._rows(line)[0]
+        except InputError:
             return []
+
+    def _rows(self, line: str) -> list[list[str]]:
+        rows, _ = rows_of_text(line.rstrip("\r"), self._label, self._delimiter, self._line - 1)
+        return rows if len(rows) == 1 else [[]]
 
 
 class _Unpacked:

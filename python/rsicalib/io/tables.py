@@ -268,14 +268,10 @@ def _read_csv(data: bytes, source: str, sha256: str) -> Table:
         found, expected = "an empty file", "a header line, then one line per sample"
         raise InputError.at(source, found, expected, line=1)
     names = [name.strip() for name in rows[0]]
-    rows = rows[1:]
-    ragged = {i: _misfit(row, names) for i, row in enumerate(rows) if len(row) != len(names)}
-    for i in ragged:
-        rows[i] = (rows[i] + [""] * len(names))[: len(names)]
-    columns: list[Sequence[Any] | npt.NDArray[Any]] = list(zip(*rows, strict=True))
+    columns, ragged = columns_of_rows(rows[1:], names)
     return Table(
         names=names,
-        columns=columns or [() for _ in names],
+        columns=columns,
         lines=np.array(lines[1:], dtype=np.int64),
         line_word="line",
         source=source,
@@ -284,6 +280,20 @@ def _read_csv(data: bytes, source: str, sha256: str) -> Table:
         header=lines[0],
         decimal=text.decimal,
     )
+
+
+def columns_of_rows(
+    rows: list[list[str]], names: list[str]
+) -> tuple[list[Sequence[Any] | npt.NDArray[Any]], dict[int, Ragged]]:
+    """Rows of text as a column for each name, and the rows whose cells do not fit the names.
+
+    Those are padded or cut, in `rows` as well.
+    """
+    ragged = {i: _misfit(row, names) for i, row in enumerate(rows) if len(row) != len(names)}
+    for i in ragged:
+        rows[i] = (rows[i] + [""] * len(names))[: len(names)]
+    columns: list[Sequence[Any] | npt.NDArray[Any]] = list(zip(*rows, strict=True))
+    return columns or [() for _ in names], ragged
 
 
 def _misfit(row: list[str], names: list[str]) -> Ragged:
@@ -299,7 +309,7 @@ def _read_parquet(data: bytes, source: str, sha256: str) -> Table:
         # A column that repeats one number takes no room in the file.
         refuse_larger(8.0 * file.metadata.num_rows * file.metadata.num_columns, source, " in cells")
         table = file.read()
-        columns = [_parquet_cells(column, pyarrow.types) for column in table.columns]
+        columns = [parquet_cells(column, pyarrow.types) for column in table.columns]
     except InputError:
         raise
     except (pyarrow.ArrowException, OSError, ValueError, OverflowError) as error:
@@ -315,7 +325,8 @@ def _read_parquet(data: bytes, source: str, sha256: str) -> Table:
     )
 
 
-def _parquet_cells(column: Any, types: Any) -> Sequence[Any] | npt.NDArray[Any]:
+def parquet_cells(column: Any, types: Any) -> Sequence[Any] | npt.NDArray[Any]:
+    """Cells of a column of pyarrow, a chunked one; None where a cell is empty."""
     if types.is_timestamp(column.type) or types.is_duration(column.type):
         dates: npt.NDArray[Any] = column.to_numpy()
         return dates
@@ -411,10 +422,11 @@ def numbers(cells: Sequence[Any] | npt.NDArray[Any]) -> FloatArray:
             return np.fromiter(map(float, cells), np.float64, len(cells))
     except (TypeError, ValueError):
         pass  # some cell is no number: go one by one
-    return np.fromiter(map(_number, cells), np.float64, len(cells))
+    return np.fromiter(map(number, cells), np.float64, len(cells))
 
 
-def _number(cell: Any) -> float:
+def number(cell: Any) -> float:
+    """One cell as a number, as `numbers` reads it; NaN where it is none."""
     if isinstance(cell, bool | np.bool_) or (isinstance(cell, str) and not _plain(cell)):
         return math.nan
     try:
@@ -442,7 +454,7 @@ def quoted(cell: Any) -> str:
     """A cell as a message shows it: `blank`, `NaN`, a bare number, or text in quotes."""
     if is_blank(cell):
         return "blank"
-    value = _number(cell)
+    value = number(cell)
     if math.isfinite(value):
         return str(value) if isinstance(cell, np.floating | float) else _cut(str(cell).strip())
     if isinstance(cell, np.floating | float):

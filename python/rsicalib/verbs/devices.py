@@ -21,7 +21,7 @@ from rsicalib.io.frames import TableArg
 from rsicalib.io.stream import Rows, rows_in_memory, rows_of
 from rsicalib.results.result import Result
 from rsicalib.verbs.monitor import Alarm, Kept, Monitor, Watch
-from rsicalib.work.arguments import MechanismArg, PathLike, earlier_result, open_mechanism
+from rsicalib.work.arguments import Bare, MechanismArg, PathLike, earlier_result, open_mechanism
 
 AWAKE = 128
 """Monitors that are in memory at a time, where nothing else is said: some 250 MB."""
@@ -76,13 +76,12 @@ def watch_devices(
     """
     opened = open_mechanism(mechanism)
     paths = _results(Path(calibrations), opened)
-    channels = [channel.name for channel in opened.channels]
     source = None
     if isinstance(readings, str | os.PathLike):
-        rows = rows_of(readings, channels, follow=follow, device=True, mechanism=opened)
+        rows = rows_of(readings, Bare(opened), follow=follow, device=True)
         source = None if readings == "-" else os.path.abspath(os.fspath(readings))
     else:
-        rows = iter([rows_in_memory(readings, channels, device=True)])
+        rows = iter([rows_in_memory(readings, Bare(opened), device=True)])
     live = follow or (isinstance(readings, str) and readings == "-")
     return WatchingDevices(
         rows if live else _gathered(rows), paths, opened, _rate(false_alarms), state, source, awake

@@ -360,7 +360,7 @@ class Monitor:
             time_s = given.time_s if time_s is None else time_s
             given = given.values
         elif is_frame(given) or isinstance(given, Mapping):
-            table = rows_in_memory(given, self._names, since=EPOCH)
+            table = rows_in_memory(given, Bare(self.mechanism), since=EPOCH)
             time_s = table.time_s if time_s is None else time_s
             given = table.values
         expected = f"numbers, of shape ({len(self._names)},) or (n, {len(self._names)})"
@@ -535,14 +535,13 @@ def watch(
 
 def _given(readings: Readings | Log | TableArg, mechanism: Mechanism) -> list[Rows]:
     """Rows that are in memory already; NaN where a cell of a table cannot be used."""
-    channels = [channel.name for channel in mechanism.channels]
     if isinstance(readings, Log):
         sessions = readings.readings(Bare(mechanism))
         return [Rows(one.values, one.time_s) for one in sessions]
     if not isinstance(readings, Readings):
         table: Any = as_table(readings)
         if is_frame(table) or isinstance(table, Mapping):
-            return [rows_in_memory(table, channels)]
+            return [rows_in_memory(table, Bare(mechanism))]
         readings = load(table, Bare(mechanism), False)
     return [Rows(readings.values, readings.time_s)]
 
@@ -557,7 +556,7 @@ def _rows(
             found = f"a {KINDS[kind].words}, which is read when it is whole"
             expected = "lines that grow, such as ros2 topic echo /joint_states > FILE"
             raise InputError.at(os.fspath(readings), found, expected)
-        return rows_of(readings, joints_of(given), follow=follow, mechanism=opened)
+        return rows_of(readings, Bare(opened), joints_of(given), follow=follow)
     log = import_log(readings, mechanism=given, hold=0.0)
     return (Rows(one.values, one.time_s) for one in log.readings(Bare(opened)))
 

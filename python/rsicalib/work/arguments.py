@@ -150,6 +150,8 @@ class Bare:
         self.value_columns: list[str] = mechanism.law_columns
         self.optional_columns: list[str] = mechanism.law_columns
         self.own_columns: list[list[str]] = []
+        self.length_unit = mechanism.length_unit
+        self.column_units = mechanism.column_units
 
 
 def with_logs(
