@@ -20,6 +20,7 @@ import pytest
 import rsicalib
 from rsicalib import DEMO, InputError, Mechanism, Monitor, Term
 from rsicalib.io.stream import rows_of
+from rsicalib.verbs.devices import _results
 from tests import oracle
 from tests.channels import Named
 from tests.commands import run_text
@@ -453,6 +454,18 @@ def test_of_several_results_the_latest_that_can_be_relied_on_is_watched_under(
     expected = shared["said"]["ä"]
     own = [(a.row, a.target) for a in found if a.device == "ä"]
     assert expected and own == [(a.row, a.target) for a in expected]
+
+
+def test_the_latest_of_several_results_is_so_in_time_not_as_text(
+    step: dict[str, Any], tmp_path: Path
+) -> None:
+    dates = ("2025-03-01", "2025-03-01T23:00:00-05:00", "2025-03-02T01:00:00+00:00", None)
+    for k, date in enumerate(dates):
+        one = dataclasses.replace(step["calibration"], device="a", valid_from=date)
+        one.save(tmp_path / f"{k}.json")
+    latest = _results(tmp_path, rsicalib.load_mechanism("rsi"))
+    assert latest == {"a": tmp_path / "1.json"}
+    assert rsicalib.history(tmp_path).results[-1].valid_from == dates[1]
 
 
 @pytest.mark.parametrize("awake", [1, 128])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 import os
 import tempfile
 from collections import OrderedDict
@@ -20,6 +21,7 @@ from rsicalib.facts.verdicts import UNUSABLE
 from rsicalib.io.frames import TableArg
 from rsicalib.io.stream import Rows, rows_in_memory, rows_of
 from rsicalib.results.result import Result
+from rsicalib.verbs.lifetime import day_of
 from rsicalib.verbs.monitor import Alarm, Kept, Monitor, Watch
 from rsicalib.work.arguments import Bare, MechanismArg, PathLike, earlier_result, open_mechanism
 
@@ -98,8 +100,11 @@ def _rate(given: float | str | None) -> float | None:
 
 
 def _results(folder: Path, mechanism: Mechanism) -> dict[str, Path]:
-    """The latest result of each device, usable ones before those that are not."""
-    latest: dict[str, tuple[bool, str, Path]] = {}
+    """The latest result of each device, usable ones before those that are not.
+
+    One without a date is before all that have one.
+    """
+    latest: dict[str, tuple[bool, float, Path]] = {}
     for path in sorted(folder.rglob("*.json")):
         try:
             result, _ = earlier_result(path, mechanism)
@@ -107,7 +112,8 @@ def _results(folder: Path, mechanism: Mechanism) -> dict[str, Path]:
             continue  # another file; where none is left, that is said below
         if result.device is None:
             continue
-        own = (result.verdict not in UNUSABLE, result.valid_from or "", path)
+        day = day_of(result)
+        own = (result.verdict not in UNUSABLE, -math.inf if day is None else day, path)
         latest[result.device] = max(own, latest.get(result.device, own))
     if not latest:
         found, expected = "no result of a named device", "results of `calibrate --device NAME`"

@@ -122,7 +122,7 @@ def _read(
             continue
         if result.valid_from is None:
             left_out.append(LeftOut(name, "without a date (--date)"))
-        elif not _is_date(result.valid_from):
+        elif day_of(result) is None:
             found = f"found {result.valid_from!r} as its date, expected 2025-03-01, or with a time"
             left_out.append(LeftOut(name, found))
         elif (same := first.setdefault(_told(result), name)) != name:
@@ -135,12 +135,14 @@ def _read(
     return read, left_out, mechanism
 
 
-def _is_date(text: str) -> bool:
+def day_of(result: Result) -> float | None:
+    """Date of a result in days since 1970; None where it has none that can be read."""
+    if result.valid_from is None:
+        return None
     try:
-        days_of(text)
+        return days_of(result.valid_from)
     except ValueError:
-        return False
-    return True
+        return None
 
 
 def _told(result: Result) -> tuple[object, ...]:
@@ -160,9 +162,10 @@ def _device(read: Sequence[tuple[str, Result]]) -> str | None:
 
 
 def _day(result: Result) -> float:
-    """Date of a result, in days."""
-    assert result.valid_from is not None
-    return days_of(result.valid_from)
+    """Date of a result that has one, in days."""
+    day = day_of(result)
+    assert day is not None
+    return day
 
 
 def _date(day: float) -> str:
