@@ -213,6 +213,42 @@ def test_false_alarms_may_be_promised_per_hour(tmp_path: Path) -> None:
             rsicalib.watch(path, found, false_alarms=wrong)
 
 
+def test_a_promise_per_hour_is_kept_after_a_slow_first_step_and_a_restart(tmp_path: Path) -> None:
+    device, found, rng = calibrated(14)
+    values, state = Work(device, rng).rows(100), tmp_path / "state"
+    times = np.arange(100) / RATE_HZ
+    times[1:] += 1.0
+    path = csv(values, tmp_path / "work.csv", times)
+    promised = 0.1 / 3600 / RATE_HZ
+    for given in (path, rsicalib.load_readings(path)):
+        seen = rsicalib.watch(given, found, false_alarms="0.1/h").summary()
+        assert seen.false_alarms == pytest.approx(promised)
+    few = csv(values[:4], tmp_path / "few.csv", times[:4])
+    assert rsicalib.watch(few, found, false_alarms="0.1/h").summary().false_alarms == (
+        pytest.approx(promised)
+    )
+    list(rsicalib.watch(path, found, false_alarms="0.1/h", state=state))
+    slower = csv(values, tmp_path / "slower.csv", 100 + 1.01 * times)
+    again = rsicalib.watch(slower, found, false_alarms="0.10/h", state=state)
+    list(again)
+    assert again.summary().rows == 200
+    assert again.summary().false_alarms == pytest.approx(promised)
+    for other in ("0.2/h", 1e-5):
+        with pytest.raises(InputError, match="another rate of false alarms"):
+            rsicalib.watch(slower, found, false_alarms=other, state=state)
+
+
+def test_without_a_pace_nothing_is_promised_per_hour(tmp_path: Path) -> None:
+    _, found, _ = calibrated(14)
+    values = np.full((3, 9), 2000.0)
+    one = csv(values[:1], tmp_path / "one.csv")
+    same = csv(values, tmp_path / "same.csv", np.zeros(3))
+    untimed = {name: values[:, k] for k, name in enumerate(NAMES)}
+    for given, words in ((one, "fewer than two"), (same, "no two times"), (untimed, "no column")):
+        with pytest.raises(InputError, match=f"'0.1/h' and {words}"):
+            rsicalib.watch(given, found, false_alarms="0.1/h")
+
+
 def test_rows_arrive_whatever_their_cells_are(tmp_path: Path) -> None:
     path = tmp_path / "work.csv"
     path.write_text("\ufeffb,time_s,other,a\r\n1,0.5,x,2\r\n\r\n3,,x,oops\r\n5\r\n7,2.5,x,8")

@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from rsicalib import _core, options
+from rsicalib import options
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.facts.verdicts import UNUSABLE
@@ -23,6 +23,7 @@ from rsicalib.io.stream import Rows, rows_in_memory, rows_of
 from rsicalib.results.result import Result
 from rsicalib.verbs.lifetime import day_of
 from rsicalib.verbs.monitor import Alarm, Kept, Monitor, Watch
+from rsicalib.verbs.promise import Promise
 from rsicalib.work.arguments import Bare, MechanismArg, PathLike, earlier_result, open_mechanism
 
 AWAKE = 128
@@ -85,18 +86,10 @@ def watch_devices(
     else:
         rows = iter([rows_in_memory(readings, Bare(opened), device=True)])
     live = follow or (isinstance(readings, str) and readings == "-")
+    promise = Promise.of(false_alarms, devices=True)
     return WatchingDevices(
-        rows if live else _gathered(rows), paths, opened, _rate(false_alarms), state, source, awake
+        rows if live else _gathered(rows), paths, opened, promise, state, source, awake
     )
-
-
-def _rate(given: float | str | None) -> float | None:
-    """A rate per sample: rows of many devices have no common interval."""
-    try:
-        return None if given is None else float(given)
-    except ValueError:
-        expected = "a rate per sample such as 1e-5, for many devices"
-        raise InputError(f"false alarms: found {given!r}, expected {expected}") from None
 
 
 def _results(folder: Path, mechanism: Mechanism) -> dict[str, Path]:
@@ -154,14 +147,14 @@ class WatchingDevices:
         rows: Iterable[Rows],
         results: dict[str, Path],
         mechanism: Mechanism,
-        false_alarms: float | None,
+        promise: Promise,
         state: PathLike | None,
         source: str | None,
         awake: int,
     ) -> None:
         self.heard: Callable[[int], None] | None = None
         self._rows, self._results, self._mechanism = rows, results, mechanism
-        self._rate, self._source, self._most = false_alarms, source, awake
+        self._promise, self._source, self._most = promise, source, awake
         self._folder = None if state is None else Path(state)
         self._lasting = state is not None
         self._kept: dict[str, Kept] = {}
@@ -201,13 +194,13 @@ class WatchingDevices:
             self._slept[other] = monitor.summary()
             self._kept[other].sleep()
         assert self._folder is not None
-        monitor = Monitor(self._result(name), self._mechanism, false_alarms=self._rate)
+        monitor = Monitor(self._result(name), self._mechanism, false_alarms=self._promise.rate)
         if name in self._kept:
             self._kept[name].wake(monitor)
         else:
             source = None if self._source is None else f"{self._source}, {name}"
             state = self._folder / f"{quote(name, safe='')}.state"
-            self._kept[name] = Kept(monitor, state, source, self._lasting)
+            self._kept[name] = Kept(monitor, self._promise, state, source, self._lasting)
             untold = self._kept[name].untold()
         self._awake[name] = monitor
         return self._kept[name], untold
@@ -222,14 +215,13 @@ class WatchingDevices:
         """What became of the rows of all devices so far."""
         now = {name: monitor.summary() for name, monitor in self._awake.items()}
         each = list({**self._slept, **now}.values())
-        rate = _core.FALSE_ALARMS if self._rate is None else self._rate
         counted = {name: sum(getattr(one, name) for one in each) for name in COUNTED}
         counted["rows"] += self._strange
         return Watch(
             **counted,
             devices=len(each),
             strange=self._strange,
-            false_alarms=rate,
+            false_alarms=self._promise.rate,
             false_alarms_per_hour=None,
             noise=float(np.median([one.noise for one in each])) if each else 1.0,
             correlation=float(np.median([one.correlation for one in each])) if each else 0.0,

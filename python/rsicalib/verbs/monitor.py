@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import json
 import math
 import os
@@ -31,6 +30,7 @@ from rsicalib.plain_text import quoted
 from rsicalib.results.result import Calibration, Result, Trace
 from rsicalib.tabular import Told
 from rsicalib.units import with_unit
+from rsicalib.verbs.promise import PROMISED, Promise, another
 from rsicalib.work.applying import as_applied, covariance_of
 from rsicalib.work.arguments import (
     Bare,
@@ -430,9 +430,7 @@ class Monitor:
             ("version", "version of rsicalib"),
         ):
             if head.get(key) != own[key]:
-                found = f"the state of a watch with another {words}"
-                expected = "the same, or another file for this watch"
-                raise InputError.at(str(path), found, expected)
+                raise another(path, words)
         self._core.restore(state)
         return head
 
@@ -504,7 +502,8 @@ def watch(
         What is read.
     false_alarms : float or str, optional
         Expected number of false alarms per sample; or `"0.1/h"`, per hour, where rows have a
-        time. As in Rust where not given.
+        time: the pace is the median of the first 32 steps between rows, which are read before the
+        first is tested. As in Rust where not given.
     state : path, optional
         File that keeps all that the watch knows: written while it runs, and where there is one,
         gone on from, behind the rows of the same file that it has seen.
@@ -529,8 +528,9 @@ def watch(
         source = None if readings == "-" else os.path.abspath(os.fspath(readings))
     else:
         rows = iter(_given(readings, opened))
-    rate, rows = _rate(false_alarms, rows)
-    return Watching(Monitor(result, opened, false_alarms=rate), rows, state, source)
+    promise = Promise.of(false_alarms)
+    rate, rows = promise.per_sample(rows, state)
+    return Watching(Monitor(result, opened, false_alarms=rate), rows, promise, state, source)
 
 
 def _given(readings: Readings | Log | TableArg, mechanism: Mechanism) -> list[Rows]:
@@ -567,11 +567,13 @@ class Kept:
     def __init__(
         self,
         monitor: Monitor,
+        promise: Promise,
         state: PathLike | None,
         source: str | None,
         lasting: bool = True,
     ) -> None:
         self.monitor = monitor
+        self._promise = promise
         self._state, self._source = state, source
         # A file that is for sleep alone is written then only.
         self._lasting = lasting
@@ -638,7 +640,7 @@ class Kept:
         """Write all that is known, and the alarms that are about to be told."""
         if self._state is not None:
             told = [alarm.to_dict() for alarm in untold]
-            head = {"source": self._source, "rows": self._number}
+            head = {PROMISED: str(self._promise), "source": self._source, "rows": self._number}
             self.monitor.save(self._state, **head, digest=self._digest.hexdigest(), untold=told)
 
 
@@ -657,13 +659,14 @@ class Watching:
         self,
         monitor: Monitor,
         rows: Iterable[Rows],
+        promise: Promise,
         state: PathLike | None = None,
         source: str | None = None,
     ) -> None:
         self.monitor = monitor
         self.heard: Callable[[int], None] | None = None
         self._rows = rows
-        self._kept = Kept(monitor, state, source)
+        self._kept = Kept(monitor, promise, state, source)
 
     def __iter__(self) -> Iterator[Alarm]:
         yield from self._kept.untold()
@@ -684,32 +687,3 @@ class Watching:
     def summary(self) -> Watch:
         """What became of the rows so far."""
         return self.monitor.summary()
-
-
-def _rate(given: float | str | None, rows: Iterator[Rows]) -> tuple[float | None, Iterator[Rows]]:
-    """The rate per sample; rows that had to be read for it stand before the others."""
-    if given is None:
-        return None, rows
-    text = str(given).strip()
-    number, hourly = (text[:-2], True) if text.endswith("/h") else (text, False)
-    try:
-        rate = float(number)
-    except ValueError:
-        expected = "a rate per sample such as 1e-5, or per hour such as 0.1/h"
-        raise InputError(f"false alarms: found {given!r}, expected {expected}") from None
-    if not hourly:
-        return rate, rows
-    begun: list[Rows] = []
-    times: list[float] = []
-    while len(times) < 2:
-        more = next(rows, None)
-        if more is None or more.time_s is None:
-            found = "no column time_s" if more is not None else "fewer than two rows"
-            raise InputError(f"false alarms: found {given!r} and {found}, expected times")
-        begun.append(more)
-        times += [t for t in more.time_s.tolist() if np.isfinite(t)]
-    steps = np.diff(times)
-    interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    if interval == 0.0:
-        raise InputError(f"false alarms: found {given!r} and no two times, expected times")
-    return rate * interval / 3600.0, itertools.chain(begun, rows)
