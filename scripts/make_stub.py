@@ -61,7 +61,9 @@ PARAMETERS = _by_name(
         "Sequence[str] | None": "Session.trace.off closures groups terms without",
         "Sequence[tuple[Sequence[str], float, float]]": "rivals",
         "Sequence[tuple[Spec, str]]": "named",
-        "Sequence[tuple[float, Sequence[Estimate], Sequence[Spec]]]": "history.results",
+        "Sequence[tuple[float, Sequence[Estimate], Array | None, Sequence[Spec]]]": (
+            "history.results"
+        ),
         "Sequence[tuple[float, float, float, int]]": "standing_out.usual",
         "Session": "session",
         "bool": "align held orientation",
@@ -82,7 +84,7 @@ PARAMETERS = _by_name(
         "str": "certify.result criterion id klass per scaling term text unit_of_key.key",
         "str | None": "amount correction doc further.criterion method moves place target",
         "str | os.PathLike[str] | Mapping[str, Any]": "source",
-        "tuple[Mapping[str, Any], Array, Mapping[str, Any], float] | None": "history.last",
+        "tuple[Mapping[str, Any], Mapping[str, Any], float] | None": "history.last",
         "tuple[Mapping[str, Any], Array, tuple[float, float], str | None, bool]": "known_poses",
         "tuple[Mapping[str, Any], Array] | None": "check",
         "tuple[float, float, float, int]": "distances.usual",

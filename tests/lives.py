@@ -50,7 +50,7 @@ def trial(lives: int, seed: int, kind: str, scatter: float) -> tuple[Counter[str
     rates = levels = 0
     for _ in range(lives):
         past, rate, level = life(rng, kind, scatter)
-        dated = [(day, [(*OFFSET, value, sd)], []) for day, value, sd in past]
+        dated = [(day, [(*OFFSET, value, sd)], None, []) for day, value, sd in past]
         found = _core.history(RSI, dated)[0][0]["course"]
         called[found["kind"]] += 1
         rates += abs(found["rate"] - rate) < found["wide"] * found["rate_sd"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -12,11 +13,15 @@ import numpy as np
 import pytest
 
 import rsicalib
-from rsicalib import InputError
+from rsicalib import Calibration, InputError, Trace, load_calibration
+from rsicalib.planning.platform_sd import readings_at_work
+from rsicalib.poses.places import held_at
+from rsicalib.report.past import Forecast
 from tests import cone, oracle
 from tests.blind import simulator
 from tests.blind.simulator import Device
 from tests.commands import run_text
+from tests.oracle import Array
 from tests.watch.device import readings_of
 
 matplotlib.use("Agg")
@@ -126,6 +131,91 @@ def test_the_day_of_too_large_an_error_is_that_of_the_drift(folder: Path) -> Non
     days = (np.datetime64(found.day) - np.datetime64(DATES[-1])).astype(int)
     # Readings are moved onto the closures first, and the rate is known to a quarter.
     assert 0.3 < days * DRIFT * per_rad / target < 3.0
+
+
+def test_the_forecast_draws_all_parameters_together(folder: Path) -> None:
+    target = 0.01
+    found = rsicalib.history(folder, target=target).forecast
+    assert found is not None
+    results = [load_calibration(folder / f"{date}.json") for date in DATES]
+    to_come, drift = _drawn_together(results, 20_000)
+    days = np.arange(3651)
+    squares = [(to_come**2).sum(1), 2.0 * (to_come * drift).sum(1), (drift**2).sum(1)]
+    above = np.array([np.mean(np.polyval(squares[::-1], day) > target**2) for day in days])
+    assert found.now == pytest.approx(np.sqrt(np.median(squares[0])), rel=0.05)
+    for said, share in ((found.day, 0.5), (found.from_day, 0.05)):
+        assert said is not None
+        # The share is counted among 4,000 draws, here among 20,000: 4 standard errors of both.
+        wide = 4.0 * np.sqrt(share * (1.0 - share) * (1 / 4_000 + 1 / 20_000))
+        first, last = (np.argmax(above >= share + side * wide) for side in (-1, 1))
+        assert first <= int((np.datetime64(said) - np.datetime64(DATES[-1])).astype(int)) <= last
+
+
+def _drawn_together(results: list[Calibration | Trace], draws: int) -> tuple[Array, Array]:
+    """Errors of the platform today and per day: coordinates over the root of their number.
+
+    Lines through all parameters of all results by numpy, and the errors of all results drawn.
+    """
+    last, rsi = results[-1], rsicalib.load_mechanism("rsi")
+    n, days = len(last.parameters), np.array(DAYS) - DAYS[-1]
+    values = [np.array([p.value for p in result.parameters], dtype=float) for result in results]
+    roots = [np.linalg.cholesky(result.covariance) for result in results]
+    lines = [np.hstack([np.eye(n), day * np.eye(n)]) for day in days]
+    whitened = [np.linalg.solve(root, x) for root, x in zip(roots, lines, strict=True)]
+    told = [np.linalg.solve(root, v - values[-1]) for root, v in zip(roots, values, strict=True)]
+    slope = np.linalg.pinv(np.vstack(whitened), rcond=1e-14)[n:]
+    errors = np.random.default_rng(5).standard_normal((draws, n * len(results)))
+    rates = slope @ np.concatenate(told) - errors @ slope.T
+    # How the platform moves with each parameter, by poses that are found again.
+    readings, _ = readings_at_work(last, rsi, 40, seed=0)
+    at = held_at(last, rsi, readings)
+
+    def places(moved: Array) -> Array:
+        shifted = zip(last.parameters, values[-1] + moved, strict=True)
+        own = replace(last, parameters=tuple(replace(p, value=float(v)) for p, v in shifted))
+        found: Array = rsicalib.forward(at, rsi, own)[:, :3].ravel()
+        return found
+
+    steps = np.diag(np.sqrt(np.diagonal(last.covariance)))
+    by = [(places(step) - places(-step)) / (2.0 * step.sum()) for step in steps]
+    moves = np.array(by) / np.sqrt(by[0].size)
+    return -errors[:, -n:] @ roots[-1].T @ moves, rates @ moves
+
+
+def test_the_forecast_does_not_depend_on_where_readings_are_zero(tmp_path: Path) -> None:
+    first = rsicalib.simulate(poses=30, seed=1)
+    sessions = [first, *(rsicalib.simulate(poses=30, seed=k, device=first.device) for k in (2, 3))]
+
+    def forecast(shift: float) -> Forecast:
+        drawn = rsicalib.load_mechanism("rsi").to_dict()
+        for channel in drawn["channel"]:
+            channel["offset"] -= shift * channel["gain"]
+            channel.pop("range", None)
+            channel.update(unit="V", noise=1.0)  # no counts of a converter
+        mechanism, place = rsicalib.Mechanism.from_dict(drawn), tmp_path / f"{shift:g}"
+
+        def moved(read: rsicalib.Readings) -> rsicalib.Readings:
+            return rsicalib.Readings.from_arrays(mechanism, read.values + shift, pose=read.pose)
+
+        rest = moved(first.rest)
+        for year, made in enumerate(sessions, 2025):
+            date = f"{year}-01-01"
+            found = rsicalib.calibrate(moved(made.readings), mechanism, rest=rest, date=date)
+            found.save(place / f"{year}.json")
+        told = rsicalib.history(place, mechanism, target=0.006).forecast
+        assert told is not None
+        return told
+
+    def days(told: Forecast) -> list[int]:
+        start = np.datetime64("2027-01-01")
+        assert told.day is not None and told.from_day is not None
+        both = np.array([told.day, told.from_day], dtype="datetime64[D]")
+        return [int(days) for days in (both - start).astype(int)]
+
+    here, there = forecast(0.0), forecast(-2048.0)
+    # The draws are others: a median of 4,000 is known to 2 %, one in twenty of them to 6 %.
+    assert there.now == pytest.approx(here.now, rel=0.05)
+    np.testing.assert_allclose(days(there), days(here), rtol=0.12)
 
 
 def test_the_command_prints_text_json_and_a_page(folder: Path, tmp_path: Path) -> None:

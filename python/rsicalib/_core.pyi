@@ -483,8 +483,8 @@ def guided_done(progress: Mapping[str, object]) -> bool:
 
 def history(
     mechanism: Mechanism,
-    results: Sequence[tuple[float, Sequence[Estimate], Sequence[Spec]]],
-    last: tuple[Mapping[str, Any], Array, Mapping[str, Any], float] | None = None,
+    results: Sequence[tuple[float, Sequence[Estimate], Array | None, Sequence[Spec]]],
+    last: tuple[Mapping[str, Any], Mapping[str, Any], float] | None = None,
 ) -> tuple[list[dict[str, Any]], list[str], dict[str, Any] | None]:
     """What the parameters of a device have done over its results, in order of their dates.
 

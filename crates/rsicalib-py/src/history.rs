@@ -11,11 +11,11 @@ use crate::mechanism::PyMechanism;
 use crate::tables::PyTable;
 use crate::threads::done;
 
-/// Day, parameters, and where something has changed, as the result says.
-type PyDated = (f64, Vec<PyEstimate>, Vec<PySpec>);
+/// Day, parameters, the covariance of those that have a value, and where something has changed, as the result says.
+type PyDated<'py> = (f64, Vec<PyEstimate>, Option<PyReadonlyArray2<'py, f64>>, Vec<PySpec>);
 
-/// The last result, the covariance of its parameters, where the platform is looked at, and its target.
-type PyLast<'py> = (PyApplied, PyReadonlyArray2<'py, f64>, PyTable<'py>, f64);
+/// The last result, where the platform is looked at, and its target.
+type PyLast<'py> = (PyApplied, PyTable<'py>, f64);
 
 /// Series, effects of single sessions, and what is to come.
 type PyHistory<'py> = (Bound<'py, PyAny>, Vec<String>, Option<Bound<'py, PyAny>>);
@@ -31,22 +31,21 @@ type PyHistory<'py> = (Bound<'py, PyAny>, Vec<String>, Option<Bound<'py, PyAny>>
 pub fn history<'py>(
     py: Python<'py>,
     mechanism: &PyMechanism,
-    results: Vec<PyDated>,
+    results: Vec<PyDated<'_>>,
     last: Option<PyLast<'_>>,
 ) -> PyResult<PyHistory<'py>> {
-    let dated = |(day, estimates, changed): PyDated| {
+    let dated = |(day, estimates, covariance, changed): PyDated<'_>| {
         let estimates = estimates.into_iter().map(estimate_of).collect();
-        Dated { day, estimates, changed: changed.into_iter().map(spec_of).collect() }
+        let covariance = covariance.map(|all| all.as_array().iter().copied().collect());
+        let changed = changed.into_iter().map(spec_of).collect();
+        Dated { day, estimates, covariance: covariance.unwrap_or_default(), changed }
     };
     let results: Vec<Dated> = results.into_iter().map(dated).collect();
-    let last = last.map(|(applied, covariance, table, target)| {
-        let covariance: Vec<f64> = covariance.as_array().iter().copied().collect();
-        (applied.into(), covariance, table.table(), target)
-    });
+    let last = last.map(|(applied, table, target)| (applied.into(), table.table(), target));
     let (series, passing, forecast) = done(py, || {
         let (series, passing) = series(&mechanism.0, &results)?;
-        let coming = last.map(|(applied, covariance, table, target)| {
-            forecast(&mechanism.0, &applied, &covariance, &series, table, target)
+        let coming = last.map(|(applied, table, target)| {
+            forecast(&mechanism.0, &applied, &results, &series, table, target)
         });
         Ok::<_, rsicalib::Error>((series, passing, coming.transpose()?.flatten()))
     })?;

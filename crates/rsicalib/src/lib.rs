@@ -33,7 +33,7 @@
 //! | `monitor` | a calibration and rows at work | alarms: what changed, since when, by how much, (101) to (104) |
 //! | `screening` | readings | faults of converters, outliers, damage, (81) to (84) |
 //! | `diagnosis` | a fit with a residual | score tests, search over explanations, fault isolation, verdict, (71) to (74) |
-//! | `history` | estimates and dates | [`Course`]: what drifts, what jumped, (127), (128); when an error is too large, (147) |
+//! | `history` | estimates and dates | [`Course`]: what drifts, what jumped, (127), (128); when an error is too large, (147), (178) |
 //! | `population` | what many devices tell | common errors of the drawing, spread, priors, (121) to (126) |
 //! | `design` | poses | Cramér-Rao bound and pose plans, (91), (92) |
 //! | [`report`] | observations | results of a calibration and of a trace, as plain structs |

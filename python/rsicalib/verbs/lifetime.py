@@ -30,7 +30,8 @@ POSES = 40
 Spec = tuple[str, str | None, str | None]
 Estimate = tuple[Spec, str, float | None, float | None]
 Course = Mapping[str, Any] | None
-Last = tuple[dict[str, Any], FloatArray, dict[str, Any], float]
+Last = tuple[dict[str, Any], dict[str, Any], float]
+Dated = tuple[float, list[Estimate], FloatArray | None, list[Spec]]
 
 
 @options.checked
@@ -180,14 +181,16 @@ def _past(name: str, result: Result) -> Past:
     return Past(name, result.valid_from, str(result.verdict), found, result.note)
 
 
-def _dated(result: Result) -> tuple[float, list[Estimate], list[Spec]]:
-    """A result as the core takes it: day, parameters, and where it says that something changed."""
+def _dated(result: Result) -> Dated:
+    """A result as the core takes it: day, parameters, where it says that something changed."""
     update = getattr(result, "update", None)
     changes = () if update is None else update.changes
     estimates: list[Estimate] = [
         (p.at, p.name, p.value, p.sd_between or p.sd) for p in result.parameters
     ]
-    return _day(result), estimates, [(change.term, change.target, None) for change in changes]
+    changed: list[Spec] = [(change.term, change.target, None) for change in changes]
+    means = covariance_of(result, beside=getattr(result, "between", None))
+    return _day(result), estimates, means, changed
 
 
 def _series(own: Sequence[Result], known: Sequence[tuple[int, int]], course: Course) -> Series:
@@ -225,7 +228,7 @@ def _last(mechanism: Mechanism, last: Result, target: float | None) -> Last | No
     except InputError:  # no pose of the workspace is within reach; the history is known
         return None
     table = as_table([held_at(last, mechanism, values)], mechanism, bare=True)
-    return as_applied(last, mechanism), covariance, table, float(target)
+    return as_applied(last, mechanism), table, float(target)
 
 
 def _forecast(

@@ -30,6 +30,14 @@ pub struct Course {
     pub wide: f64,
 }
 
+impl Course {
+    /// Its parts but for scatter.
+    pub(super) fn shape(&self) -> Shape {
+        let line = matches!(self.kind, CourseKind::Drift | CourseKind::DriftAndJump);
+        Shape { line, jumps: self.jumps.iter().map(|jump| jump.from - 1).collect() }
+    }
+}
+
 /// Parts of what a parameter has done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]

@@ -4,18 +4,22 @@
 //! platform's positions at `n` poses by the reported parameters, (100),
 //!
 //! ```text
-//! δ(t) = δ + √2 τ z + t (ρ + sd_ρ z'),    δ ~ N(0, C),    rms² = |J δ(t)|² / 3n        (147)
+//! δ(t) = δ + t ρ,    (δ, ρ) ~ N((0, ρ̂), [C + 2T, K; Kᵀ, P]),    rms² = |J δ(t)|² / 3n        (147)
 //! ```
 //!
-//! with rate `ρ` and scatter `τ` of (127), parameter by parameter. The scatter from session to session counts
-//! twice: once for the last session, and once for the day of use.
+//! with the rates `ρ̂` of (178), their covariance `P`, and `K` that of the last result's error and the rates: a
+//! result that is too high by chance has made the rate too high. The scatter `T` from session to session counts
+//! twice: once for the last session, and once for the day of use. All parameters are drawn together, so that nothing
+//! depends on where the zero of readings is.
 
+use faer::Mat;
 use nalgebra::{DMatrix, DVector};
 
 use crate::Error;
-use crate::apply::earlier::{Applied, Under};
+use crate::apply::earlier::{Applied, Reported, Under};
 use crate::apply::slopes::platform_slopes;
-use crate::history::series::Series;
+use crate::history::rates::rates;
+use crate::history::series::{Dated, Series};
 use crate::mechanism::Mechanism;
 use crate::numerics::draws::{Draws, square_root};
 use crate::readings::Table;
@@ -43,21 +47,23 @@ pub struct Forecast {
 
 /// The forecast of a device under its last result, at the poses of a table.
 ///
-/// `covariance` is that of the result's parameters, row by row; a parameter without a series stands still. None
-/// where there is no parameter, or no pose in which its effect is known.
+/// `last` is the last of `results` as it is applied; a parameter without a series stands still. None where there is
+/// no parameter, or no pose in which its effect is known.
 ///
 /// # Errors
 ///
-/// As [`crate::apply::earlier::platform_poses`]; [`Error::Shape`] where the covariance is of other parameters.
+/// As [`crate::apply::earlier::platform_poses`]; [`Error::Shape`] where the last result's covariance is of other
+/// parameters.
 pub fn forecast(
     mechanism: &Mechanism,
     last: &Applied,
-    covariance: &[f64],
+    results: &[Dated],
     series: &[Series],
     table: Table,
     target: f64,
 ) -> Result<Option<Forecast>, Error> {
     let n = last.parameters.len();
+    let covariance = results.last().map_or(&[][..], |dated| &dated.covariance);
     Error::same("covariance", covariance.len(), n * n)?;
     if n == 0 {
         return Ok(None);
@@ -65,21 +71,11 @@ pub fn forecast(
     let Some(square) = mean_square(&Under::new(mechanism, last, table, &[])?)? else {
         return Ok(None);
     };
-    let root = square_root(&DMatrix::from_row_slice(n, n, covariance));
-    let course = |k: usize| {
-        let own = &last.parameters[k];
-        let same = |one: &&Series| (&one.spec, &one.name) == (&own.spec, &own.name);
-        series.iter().find(same)?.course.as_ref()
-    };
-    let of = |k: usize| course(k).map_or([0.0; 3], |c| [c.rate, c.rate_sd, c.scatter]);
-    let courses: Vec<[f64; 3]> = (0..n).map(of).collect();
+    let (mean, root) = growing(last, covariance, results, series);
     let mut random = Draws::new(0);
     let drawn = (0..DRAWS).map(|_| {
-        let mut normal = |size: usize| DVector::from_fn(size, |_, _| random.normal());
-        let (own, elsewhere, rates) = (normal(n), normal(n), normal(n));
-        let apart = |k: usize, _| 2.0_f64.sqrt() * courses[k][2] * elsewhere[k];
-        let error = &root * own + DVector::from_fn(n, apart);
-        let rate = DVector::from_fn(n, |k, _| courses[k][0] + courses[k][1] * rates[k]);
+        let both = &mean + &root * DVector::from_fn(2 * n, |_, _| random.normal());
+        let (error, rate) = (both.rows(0, n), both.rows(n, n));
         let by_rate = &square * &rate;
         // The mean square of a day t is a + 2 b t + c t².
         [error.dot(&(&square * &error)), error.dot(&by_rate), rate.dot(&by_rate)]
@@ -96,6 +92,36 @@ pub fn forecast(
         first_day(is_past)
     };
     Ok(Some(Forecast { target, now: now[DRAWS / 2], day: past(0.5), from_day: past(0.05) }))
+}
+
+/// The mean of `(δ, ρ)` of (147), and a root of its covariance.
+fn growing(
+    last: &Applied,
+    covariance: &[f64],
+    results: &[Dated],
+    series: &[Series],
+) -> (DVector<f64>, DMatrix<f64>) {
+    let n = last.parameters.len();
+    let rates = rates(results, series);
+    let place = |own: &Reported| {
+        series.iter().position(|one| (&one.spec, &one.name) == (&own.spec, &own.name))
+    };
+    let places: Vec<Option<usize>> = last.parameters.iter().map(place).collect();
+    let of = |all: &Mat<f64>| {
+        DMatrix::from_fn(n, n, |a, b| match (places[a], places[b]) {
+            (Some(a), Some(b)) => all[(a, b)],
+            _ => 0.0,
+        })
+    };
+    let with_rates = of(&rates.with_level);
+    let mut joint = DMatrix::zeros(2 * n, 2 * n);
+    let error = DMatrix::from_row_slice(n, n, covariance) + of(&rates.scatter) * 2.0;
+    joint.view_mut((0, 0), (n, n)).copy_from(&error);
+    joint.view_mut((0, n), (n, n)).copy_from(&with_rates);
+    joint.view_mut((n, 0), (n, n)).copy_from(&with_rates.transpose());
+    joint.view_mut((n, n), (n, n)).copy_from(&of(&rates.covariance));
+    let rate = |k: usize| k.checked_sub(n).and_then(|k| places[k]).map_or(0.0, |k| rates.value[k]);
+    (DVector::from_fn(2 * n, |k, _| rate(k)), square_root(&joint))
 }
 
 /// `JᵀJ / 3n` over the poses that have a finite `J`; none where none has.
@@ -125,10 +151,10 @@ fn first_day(is_past: impl Fn(u32) -> bool) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::apply::earlier::{Reference, Reported, platform_poses};
+    use crate::apply::earlier::{Reference, platform_poses};
     use crate::apply::moved::Estimate;
     use crate::design::within_limits::within_limits;
-    use crate::history::series::{Dated, series};
+    use crate::history::series::series;
 
     /// The hand controller with the offset of one channel, at its own value.
     fn last(mechanism: &Mechanism, value: f64) -> Applied {
@@ -143,31 +169,30 @@ mod tests {
         let rsi = Mechanism::rsi();
         let (offset, rate) = (rsi.channels[4].offset, 1e-5);
         let table = Table { values: within_limits(&rsi, 12, 1)?, ..Table::default() };
-        let estimate = |day: f64| Estimate {
-            spec: "offset@a22".into(),
-            name: "offset".into(),
-            value: Some(offset + rate * day),
-            sd: Some(1e-12),
+        let dated = |day: f64, sd: f64| {
+            let (spec, name) = ("offset@a22".into(), "offset".into());
+            let value = Some(offset + rate * day);
+            let estimates = vec![Estimate { spec, name, value, sd: Some(sd) }];
+            Dated { day, estimates, covariance: vec![sd * sd], ..Dated::default() }
         };
-        let dated = |day| Dated { day, estimates: vec![estimate(day)], ..Dated::default() };
-        let (series, _) = series(&rsi, &[dated(-20.0), dated(-10.0), dated(0.0)])?;
         // Witness: poses that are found again where the offset has drifted for a hundred days.
         let poses = |value| platform_poses(&rsi, &last(&rsi, value), table.clone());
         let (here, there) = (poses(offset)?, poses(offset + 100.0 * rate)?);
         let apart = |i: usize| (0..3).map(|k| (there[i][k] - here[i][k]).powi(2)).sum::<f64>();
         let sum: f64 = (0..here.len()).map(apart).sum();
         let target = (sum / (3.0 * here.len() as f64)).sqrt();
-        let of = |sd: f64, series: &[Series]| {
+        let of = |results: &[Dated]| {
+            let (series, _) = series(&rsi, results)?;
             let last = last(&rsi, offset);
-            let found = forecast(&rsi, &last, &[sd * sd], series, table.clone(), target)?;
+            let found = forecast(&rsi, &last, results, &series, table.clone(), target)?;
             Ok::<_, Error>(found.expect("a parameter"))
         };
-        let found = of(0.0, &series)?;
+        let found = of(&[-20.0, -10.0, 0.0].map(|day| dated(day, 1e-12)))?;
         // A milliradian: what is not linear is a thousandth of it, a tenth of a day.
         let near = |day: Option<u32>| day.is_some_and(|day| day.abs_diff(100) <= 1);
         assert!(near(found.day) && near(found.from_day) && found.now.abs() < 1e-9, "{found:?}");
         // What the last result leaves open: the median of |z| is .6745, known to 1.2 / √4000 of it by draws.
-        let open = of(1e-3, &[])?;
+        let open = of(&[dated(0.0, 1e-3)])?;
         assert!((open.now / (0.6745 * target) - 1.0).abs() < 0.08, "{open:?}");
         // |z| is above 1 in 32 of 100 draws: in one of twenty from the first day on, never in half.
         assert_eq!((open.from_day, open.day), (Some(0), None));

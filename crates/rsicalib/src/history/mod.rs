@@ -10,6 +10,7 @@
 mod course;
 mod forecast;
 mod past;
+mod rates;
 mod regression;
 mod series;
 

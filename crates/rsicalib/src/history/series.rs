@@ -1,5 +1,7 @@
 //! Which parameters of a device have a history, and what each has done.
 
+use faer::Mat;
+
 use crate::Error;
 use crate::apply::earlier::outlasts;
 use crate::apply::moved::Estimate;
@@ -16,8 +18,34 @@ pub struct Dated {
     pub day: f64,
     /// Its parameters.
     pub estimates: Vec<Estimate>,
+    /// Covariance of those that have a value, row by row; empty: their deviations are all that is known.
+    pub covariance: Vec<f64>,
     /// Where something has changed since an earlier result, as it says itself.
     pub changed: Vec<Spec>,
+}
+
+impl Dated {
+    /// Covariance of some parameters that have a value and a deviation, by their numbers.
+    pub(super) fn covariance_of(&self, numbers: &[usize]) -> Mat<f64> {
+        let with_value: Vec<usize> =
+            (0..self.estimates.len()).filter(|&k| self.estimates[k].value.is_some()).collect();
+        let at: Vec<usize> =
+            numbers.iter().filter_map(|number| with_value.binary_search(number).ok()).collect();
+        let stated = |a: usize, b: usize| {
+            self.covariance.get(at[a] * with_value.len() + at[b]).copied().unwrap_or(f64::NAN)
+        };
+        let whole = Mat::from_fn(at.len(), at.len(), stated);
+        if whole.is_all_finite() {
+            return whole;
+        }
+        let variance = |k: usize| self.estimates[numbers[k]].sd.map_or(0.0, |sd| sd * sd);
+        Mat::from_fn(at.len(), at.len(), |a, b| if a == b { variance(a) } else { 0.0 })
+    }
+
+    /// A parameter that has a value, by its number.
+    pub(super) fn value(&self, number: usize) -> f64 {
+        self.estimates[number].value.unwrap_or_default()
+    }
 }
 
 /// One parameter of a device over time.
@@ -35,6 +63,23 @@ pub struct Series {
     pub known: Vec<(usize, usize)>,
     /// What it has done, its jumps numbered among the results that know it; none where that cannot be told.
     pub course: Option<Course>,
+}
+
+impl Series {
+    /// What the results say of it.
+    pub(super) fn past(&self, results: &[Dated]) -> Vec<Past> {
+        let one = |&(result, number): &(usize, usize)| {
+            let Dated { day, estimates, .. } = &results[result];
+            let Estimate { value, sd, .. } = &estimates[number];
+            Some(Past { day: *day, value: (*value)?, sd: (*sd)? })
+        };
+        self.known.iter().filter_map(one).collect()
+    }
+
+    /// Its value in the last result that knows it.
+    pub(super) fn last_value(&self, results: &[Dated]) -> f64 {
+        self.known.last().map_or(0.0, |&(result, number)| results[result].value(number))
+    }
 }
 
 /// What the parameters of a device have done over its results, which are in order of their dates, by the order
@@ -64,15 +109,10 @@ pub fn series(mechanism: &Mechanism, results: &[Dated]) -> Result<(Vec<Series>, 
     }
     let tests = all.len();
     for one in &mut all {
-        let past = one.known.iter().filter_map(|&(result, number)| {
-            let Dated { day, estimates, .. } = &results[result];
-            let Estimate { value, sd, .. } = &estimates[number];
-            Some(Past { day: *day, value: (*value)?, sd: (*sd)? })
-        });
         let from = told(mechanism, results, &one.spec)?;
         let first = |from: usize| one.known.iter().position(|(result, _)| *result >= from);
         let told: Vec<usize> = from.into_iter().filter_map(first).collect();
-        one.course = course(&past.collect::<Vec<_>>(), &told, tests);
+        one.course = course(&one.past(results), &told, tests);
     }
     Ok((all, passing))
 }
@@ -111,7 +151,7 @@ mod tests {
         let dated = |i: usize, also: &[&str]| {
             let more = also.iter().map(|spec| estimate(spec, 2.0));
             let estimates = std::iter::once(estimate("offset@a11", value(i))).chain(more).collect();
-            Dated { day: i as f64, estimates, changed: Vec::new() }
+            Dated { day: i as f64, estimates, ..Dated::default() }
         };
         let jumps = |also: &str, at: usize| -> Result<usize, Error> {
             let also = |i| if i == at { vec![also] } else { vec![] };
