@@ -42,6 +42,9 @@ pub(super) const MOST_CHANGES: usize = 4;
 /// Linearisations about the estimate of a change.
 pub(super) const LINEARISATIONS: usize = 4;
 
+/// An estimate is at its end where `χ²` falls by no more than this share of it.
+const NEARER: f64 = 0.01;
+
 /// Rows by which a joint that has turned far is looked for.
 const SOME: usize = 48;
 
@@ -466,8 +469,7 @@ impl<'a> Session<'a> {
                 continue;
             };
             let both = [offset, *gain];
-            watched.at.copy_from_slice(was);
-            let chi2 = self.settle(watched, was, &both.map(named(1.0))).chi2;
+            let chi2 = self.settle_far(watched, was, &both.map(named(1.0))).chi2;
             if best.is_none_or(|(best, _)| chi2 < best) {
                 best = Some((chi2, both));
             }
@@ -476,8 +478,22 @@ impl<'a> Session<'a> {
         let tests = watched.candidates.len() as f64;
         let p_value = (self.judged.log_p(first - chi2, 2).exp() * tests).min(1.0);
         let both: Vec<Named> = both.map(named(p_value)).into();
+        Some((self.settle_far(watched, was, &both), both))
+    }
+
+    /// The state at the estimates of some changes, from no change on, as long as that brings it nearer.
+    fn settle_far(&self, watched: &mut Watched, was: &[f64], changes: &[Named]) -> Pass {
         watched.at.copy_from_slice(was);
-        Some((self.settle(watched, was, &both), both))
+        let mut pass = self.settle(watched, was, changes);
+        for _ in 0..MOST_CHANGES {
+            let nearer = self.settle(watched, was, changes);
+            let done = nearer.chi2 > (1.0 - NEARER) * pass.chi2;
+            pass = nearer;
+            if done {
+                break;
+            }
+        }
+        pass
     }
 
     /// Chooses each change again, and gives the state at the estimates of those that are left.
