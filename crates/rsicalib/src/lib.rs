@@ -84,7 +84,8 @@
 //! mechanism is made, and of [`report`], of which results are made. All other modules are public
 //! because the bindings need them, are not documented here, and may change in a minor version.
 //!
-//! Feature `toml`: mechanisms from TOML text. Feature `serde`: results as serde values.
+//! Feature `toml`: mechanisms from TOML text. Feature `serde`: results as serde values. Feature `document`: results that Python
+//! has written, read back.
 
 #[cfg(test)]
 extern crate self as rsicalib; // the tests' devices name the crate as users do

@@ -116,6 +116,18 @@ struct Pass {
     chi2: f64,
 }
 
+/// What has changed.
+struct Told {
+    /// The sums at the estimates.
+    pass: Pass,
+    changes: Vec<Named>,
+    /// A joint that has turned far, and what might have changed in its place.
+    far: Option<Turned>,
+    instead: Vec<[String; 2]>,
+    /// What changes are counted from: as before, but where a joint has turned to.
+    was: Vec<f64>,
+}
+
 /// The later session: one row for each held pose, the mean of its samples, or each row of a
 /// recording.
 struct Session<'a> {
@@ -217,69 +229,11 @@ pub fn compare(
     session.used.iter().for_each(|&row| seen.see(session.rows.row(row)));
     let count = session.used.len() as f64 * watched.under.model.equations() as f64;
 
-    let mut was = watched.at.clone();
-    let prior = watched.prior.clone();
+    let before = watched.at.clone();
     let rms_misclosure = session.misclosure(&watched);
-    let mut pass = session.pass(&watched, &was, &prior);
-    let first = pass.chi2;
-    let (chi2_per_dof, p_value) = (first / count, judged.p_value(first, count));
-    let mut changes: Vec<Named>;
-    let mut tried = Vec::new();
-    let before = was.clone();
-    let turned = (p_value <= CHANGED_LEVEL).then(|| session.turned(&mut watched)).flatten();
-    let hardly = |one: &Turned| one.squares <= LINEAR * LINEAR * pass.chi2;
-    // What has turned far is taken as it is: the others are linearised about it.
-    let mut far = turned.filter(|one| one.shift.abs() > LINEAR && hardly(one));
-    let mut instead = Vec::new();
-    if let Some(one) = far {
-        pass = session.take(&mut watched, &mut was, one);
-        tried.push(one.candidate);
-    }
-    loop {
-        (pass, changes) = session.search(&mut watched, &was, pass, tried.clone());
-        // Where a sensor was replaced, a link as long as the whole may seem to close the loops.
-        let changed = columns_of(&watched, &changes);
-        let absurd = |one: &usize| {
-            let (values, ..) = difference(&watched, &pass, &was, &changed, *one);
-            watched.candidates[*one].is_absurd(&values)
-        };
-        let found = changes.iter().map(|one| one.candidate);
-        let absurd: Vec<usize> = found.filter(absurd).collect();
-        if absurd.is_empty() {
-            break;
-        }
-        tried.extend(absurd);
-        watched.at.clone_from(&was);
-        pass = session.settle(&mut watched, &was, &[]);
-    }
-    // About the earlier session a bent link may look more like a joint that has turned than the joint itself.
-    if let (None, Some(one), [named]) = (far, turned, &changes[..])
-        && named.candidate != one.candidate
-        && one.squares < pass.chi2 + AS_WELL
-    {
-        let own = name(&watched, one.candidate);
-        instead.push(name(&watched, named.candidate));
-        instead.extend(named.also_fits.iter().filter(|other| **other != own).cloned());
-        changes.clear();
-        watched.at.clone_from(&was);
-        pass = session.take(&mut watched, &mut was, one);
-        far = Some(one);
-    }
-    if changes.len() + usize::from(far.is_some()) > 1 {
-        let now = (watched.at.clone(), std::mem::replace(&mut watched.prior, prior));
-        watched.at.clone_from(&before);
-        let most = pass.chi2 + AS_WELL;
-        match session.replaced(&mut watched, &before, first).filter(|(it, _)| it.chi2 <= most) {
-            Some(replaced) => {
-                (pass, changes) = replaced;
-                (far, was) = (None, before.clone());
-            }
-            None => {
-                (watched.at, watched.prior) = now;
-                pass = session.settle(&mut watched, &was, &changes);
-            }
-        }
-    }
+    let pass = session.pass(&watched, &before, &watched.prior.clone());
+    let (chi2_per_dof, p_value) = (pass.chi2 / count, judged.p_value(pass.chi2, count));
+    let Told { pass, mut changes, far, instead, was } = session.told(&mut watched, pass, p_value);
     let told = changes.iter().map(|one| watched.candidates[one.candidate].columns.len());
     let told = told.sum::<usize>() + usize::from(far.is_some());
     let left = judged.p_value(pass.chi2, (count - told as f64).max(1.0));
@@ -309,6 +263,16 @@ pub fn compare(
 fn columns_of(watched: &Watched, changes: &[Named]) -> Vec<usize> {
     let of = |one: &Named| watched.candidates[one.candidate].columns.clone();
     changes.iter().flat_map(of).collect()
+}
+
+/// Those of the changes that are beyond all proportion.
+fn absurd(&self, watched: &Watched, pass: &Pass, was: &[f64], changes: &[Named]) -> Vec<usize> {
+    let changed = columns_of(watched, changes);
+    let absurd = |one: &usize| {
+        let (values, ..) = difference(watched, pass, was, &changed, *one);
+        watched.candidates[*one].is_absurd(&values)
+    };
+    changes.iter().map(|one| one.candidate).filter(absurd).collect()
 }
 
 /// What may have changed: as at work, and the gain of a sensor.
@@ -425,6 +389,61 @@ impl<'a> Session<'a> {
             centre(watched, &mut pass);
         }
         pass
+    }
+
+    /// What has changed, where no change leaves this `pass`, more than which chance makes with probability `p_value`.
+    fn told(&self, watched: &mut Watched, mut pass: Pass, p_value: f64) -> Told {
+        let (before, prior, first) = (watched.at.clone(), watched.prior.clone(), pass.chi2);
+        let mut was = before.clone();
+        let turned = (p_value <= CHANGED_LEVEL).then(|| self.turned(watched)).flatten();
+        let hardly = |one: &Turned| one.squares <= LINEAR * LINEAR * first;
+        // What has turned far is taken as it is: the others are linearised about it.
+        let mut far = turned.filter(|one| one.shift.abs() > LINEAR && hardly(one));
+        let (mut instead, mut none) = (Vec::new(), Vec::new());
+        if let Some(one) = far {
+            pass = self.take(watched, &mut was, one);
+            none.push(one.candidate);
+        }
+        let mut changes: Vec<Named>;
+        loop {
+            (pass, changes) = self.search(watched, &was, pass, none.clone());
+            // Where a sensor was replaced, a link as long as the whole may seem to close the loops.
+            let absurd = absurd_of(watched, &pass, &was, &changes);
+            if absurd.is_empty() {
+                break;
+            }
+            none.extend(absurd);
+            watched.at.clone_from(&was);
+            pass = self.settle(watched, &was, &[]);
+        }
+        // About the earlier session a bent link may look more like a joint that has turned than the joint itself.
+        if let (None, Some(one), [named]) = (far, turned, &changes[..])
+            && named.candidate != one.candidate
+            && one.squares < pass.chi2 + AS_WELL
+        {
+            let own = name(watched, one.candidate);
+            instead.push(name(watched, named.candidate));
+            instead.extend(named.also_fits.iter().filter(|other| **other != own).cloned());
+            changes.clear();
+            watched.at.clone_from(&was);
+            pass = self.take(watched, &mut was, one);
+            far = Some(one);
+        }
+        if changes.len() + usize::from(far.is_some()) > 1 {
+            let now = (watched.at.clone(), std::mem::replace(&mut watched.prior, prior));
+            let most = pass.chi2 + AS_WELL;
+            match self.replaced(watched, &before, first).filter(|(it, _)| it.chi2 <= most) {
+                Some(replaced) => {
+                    (pass, changes) = replaced;
+                    (far, was) = (None, before);
+                }
+                None => {
+                    (watched.at, watched.prior) = now;
+                    pass = self.settle(watched, &was, &changes);
+                }
+            }
+        }
+        Told { pass, changes, far, instead, was }
     }
 
     /// Changes, the most certain first, none of some candidates; and the state at their estimates.
