@@ -266,7 +266,7 @@ fn columns_of(watched: &Watched, changes: &[Named]) -> Vec<usize> {
 }
 
 /// Those of the changes that are beyond all proportion.
-fn absurd(&self, watched: &Watched, pass: &Pass, was: &[f64], changes: &[Named]) -> Vec<usize> {
+fn absurd_of(watched: &Watched, pass: &Pass, was: &[f64], changes: &[Named]) -> Vec<usize> {
     let changed = columns_of(watched, changes);
     let absurd = |one: &usize| {
         let (values, ..) = difference(watched, pass, was, &changed, *one);
