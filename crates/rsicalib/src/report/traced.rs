@@ -353,7 +353,7 @@ fn left_out(traced: &Traced, fitted: &Fit, of_all: &Fit) -> Option<HeldOut> {
 fn compared(traced: &Traced, before: &HeldOut, after: &HeldOut) -> Compared {
     let equations = traced.last.residuals.equations * traced.answer().0.readings.poses();
     let errors = 0.25 * equations as f64;
-    Compared { found: after.chi2_per_dof, other: before.chi2_per_dof, errors }
+    Compared::of_errors(after.chi2_per_dof, before.chi2_per_dof, errors)
 }
 
 fn rival(observations: &Observations, explanation: &Explanation) -> RivalReport {
