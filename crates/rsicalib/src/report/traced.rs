@@ -80,7 +80,8 @@ pub fn traced(
     let could_hide = could_hide(&traced, search)?;
     // By known poses a result that leaves something says how large its errors are.
     let leaves = matches!(verdict, Verdict::PartlyExplained | Verdict::Unexplained);
-    let known = beside.and_then(|beside| beside.known.as_ref()).filter(|_| leaves);
+    let of_known = beside.and_then(|beside| beside.known.as_ref());
+    let known = of_known.filter(|_| leaves);
     let report = TraceReport {
         verdict,
         reasons,
@@ -90,6 +91,7 @@ pub fn traced(
             .chain(warned::as_drawn(&traced))
             .chain(warned::unread(&traced))
             .chain(warned::known_poses(observations, after.aligned.or(after.check)))
+            .chain(warned::clocks(&traced.observations, &trial.applied, of_known))
             .chain(open_loops.map(|open| warned::open_loops(&observations.mechanism, &open)))
             .collect(),
         excluded: traced.excluded.iter().map(|e| excluded(&traced.observations, e)).collect(),
