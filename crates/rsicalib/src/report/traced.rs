@@ -459,7 +459,7 @@ fn step(
         applied: not_applied.is_none(),
         not_applied,
         probability: (!rivals.is_empty()).then_some(probability),
-        p_value: found.p_value.min(1.0),
+        p_value: found.p_value,
         chi2_rise: Some(found.rise),
         parameters: parameters.collect(),
         also_fits: found.also.iter().map(|i| Place::of(&traced.small, i)).chain(unknown).collect(),
