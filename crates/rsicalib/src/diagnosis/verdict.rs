@@ -410,7 +410,11 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
     });
     // Known poses all share the errors of the parameters: what is off by no more than these predict
     // says nothing of an effect.
+    // What is off by more than that is no longer off by chance of the parameters.
     let check_before = found(evidence.check_before).filter(|_| check.is_some());
+    let check_before = check_before
+        .zip(evidence.check)
+        .map(|(it, known)| Compared::of_errors(it.found, it.other, 3.0 * known.poses as f64));
     let held_out = evidence.held_out.and_then(|it| {
         let numbers = [it.chi2_per_dof, evidence.chi2_per_dof?];
         Reason::beyond(Why::HeldOut, LEVEL, numbers, it.p_value)
