@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.stats
 
 import rsicalib
 from rsicalib.errors import InputError
@@ -13,7 +14,7 @@ from tests import oracle
 from tests.full import sized
 from tests.machines import files, plain
 from tests.machines.arm import JOINTS, Body, Job
-from tests.machines.surfaces import known
+from tests.machines.surfaces import SEEN, known
 from tests.oracle import Array
 
 
@@ -88,6 +89,48 @@ def test_an_instrument_has_noise_of_its_own(
     n = 3 * len(rows)
     both = exact.predicted.position_sd**2 + sigma**2 * (n - 6) / n
     assert aligned.predicted.position_sd**2 == pytest.approx(both, rel=1e-6)
+
+
+def seen_by_a_tracker(
+    seed: int, folder: Path, wrong: float = 0.0
+) -> tuple[rsicalib.Calibration, int]:
+    """An arm exactly as drawn that touches a table; `wrong`: what a joint reads too much there."""
+    rng = np.random.default_rng([17, seed])
+    job = Job(Body.random(rng), rng, 40)
+    job.values = dict.fromkeys(job.values, 0.0)
+    first = (np.arange(40) % 2 == 0).astype(float)
+    job.plane("table", first)
+    job.plane("wall", 1 - first)
+    read = job.machine("arm").observe(rng)
+    known(job, read, rng, folder / "seen.csv")
+    spoilt = read + wrong * np.sin(2 * read) * (np.arange(read.shape[1]) == 2)
+    paths = files.write(job.machine("arm"), spoilt, folder)
+    found = rsicalib.calibrate(*paths, check=folder / "seen.csv", check_noise=SEEN, align=True)
+    return found, len(read)
+
+
+def test_an_arm_as_drawn_is_contradicted_by_more_than_chance_alone(tmp_path: Path) -> None:
+    """A calibration adds its errors to a drawing that has none: of six offsets, not 120 numbers."""
+    beyond = []
+    for seed in range(sized(6, 20)):
+        found, poses = seen_by_a_tracker(seed, tmp_path)
+        assert found.nominal is not None
+        own, drawn = found.fit.aligned, found.nominal.aligned
+        assert own is not None and own.predicted is not None and drawn is not None
+        chance = np.sqrt(scipy.stats.chi2.isf(1 / 300, own.predicted.dof) / own.predicted.dof)
+        kinds = [reason.kind for reason in found.reasons]
+        ratio = own.position_rms / drawn.position_rms
+        assert ("check_declared" in kinds) == (ratio > max(1.05, chance))
+        assert "predicted_declared" not in kinds
+        # Two deviations of a root mean square of as many numbers as were measured.
+        beyond.append((ratio > 1 + 2 / np.sqrt(2 * 3 * poses), found.verdict))
+    assert sum(large and verdict == "adequate" for large, verdict in beyond) >= sized(4, 12)
+
+
+def test_a_wrong_calibration_beside_a_right_drawing_is_contradicted(tmp_path: Path) -> None:
+    found, _ = seen_by_a_tracker(0, tmp_path, wrong=0.01)
+    assert found.verdict == "unexplained"
+    assert "check_declared" in [reason.kind for reason in found.reasons]
 
 
 def test_the_predicted_error_is_that_of_many_sessions(tmp_path: Path) -> None:

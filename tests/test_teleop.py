@@ -62,3 +62,47 @@ def test_a_delay_a_slow_servo_and_what_it_stands_short_are_told_apart(
     assert scatter < 0.3
     # One shift alone takes up both.
     assert found["shift"] * STEP == pytest.approx(delay + servo, abs=0.012)
+
+
+def pair(**channel: object) -> rsicalib.Mechanism:
+    """Five joints of a leader and of a follower, in percent of what a gripper or a servo can do."""
+    joints = ("base", "shoulder", "elbow", "roll", "pitch")
+    names = [(f"leader_{joint}", f"follower_{joint}") for joint in joints]
+    own = {"unit": "percent", "gain": 1.0, "offset": 0.0, **channel}
+    terms = [f"{term}@{name}" for _, name in names for term in ("offset", "gain")]
+    values = {
+        "name": "pair",
+        "length_unit": "m",
+        "channel": [{"name": name, **own} for both in names for name in both],
+        "closure": [
+            {"name": joint, "kind": "equal", "between": list(both), "noise": 0.1}
+            for joint, both in zip(joints, names, strict=True)
+        ],
+        "model": {"terms": terms},
+    }
+    return rsicalib.Mechanism.from_dict(values)
+
+
+@pytest.mark.parametrize("joint", sized([2], [0, 2, 4]))
+def test_play_in_percent_is_as_large_as_the_way_that_is_gone(joint: int) -> None:
+    """Without a range half a turn was how far such a channel goes: π percent."""
+    rng = np.random.default_rng(joint)
+    held = rng.uniform(-60, 60, (60, 5))
+    play = 0.4 * np.sign(np.diff(held, axis=0, prepend=0.0)) * (np.arange(5) == joint)
+    read = np.repeat(np.hstack([held, held * 1.004 + 0.5 - play]), 3, axis=0)
+    read += rng.normal(0, 0.05, read.shape) + np.repeat(rng.normal(0, 0.07, (60, 10)), 3, axis=0)
+    said = {}
+    for name, mechanism in (("none", pair()), ("range", pair(range=[-60.0, 60.0]))):
+        columns = [c.name for c in mechanism.channels]
+        columns = [*columns[::2], *columns[1::2]]
+        rows = {name: read[:, k] for k, name in enumerate(columns)}
+        said[name] = rsicalib.trace({"pose": np.repeat(np.arange(60), 3), **rows}, mechanism)
+    for found in said.values():
+        (step,) = found.steps
+        assert (step.term, found.implausible) == ("hysteresis", ())
+        assert found.verdict == said["range"].verdict
+        (h,) = step.parameters
+        assert abs(h.value) == pytest.approx(0.4, abs=0.1)
+    one, other = (found.steps[0] for found in said.values())
+    assert one.target == other.target
+    assert one.parameters[0].value == pytest.approx(other.parameters[0].value, rel=0.01)

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import scipy.stats
 
 import rsicalib
 from rsicalib import DEMO, Readings
@@ -23,6 +25,7 @@ from tests.blind.scene import held
 from tests.blind.simulator import Device
 from tests.blind.trials import Case
 from tests.full import sized
+from tests.machines import delta, files
 from tests.test_examples import EXAMPLES, read_mechanism, sockets
 
 both = pytest.mark.parametrize("verb", [rsicalib.calibrate, rsicalib.trace])
@@ -240,6 +243,43 @@ def test_random_readings_are_not_explained() -> None:
             assert "Check the wiring" in found.summary()
 
 
+@pytest.mark.parametrize("seed", sized([3], [3, 4, 6]))
+def test_a_curve_is_as_large_as_the_first_of_its_waves_may_be(seed: int) -> None:
+    """A ripple that is there was absurd: the whole curve was held against the smallest wave."""
+    made = rsicalib.simulate(poses=48, samples=6, check=12, seed=seed)
+    channel = rsicalib.Mechanism.rsi().channels[4]
+
+    def rippled(session: Readings) -> Readings:
+        values = session.values.astype(float)
+        angle = channel.gain * values[:, 4] + channel.offset
+        values[:, 4] -= 0.04 * np.sin(5 * angle) / channel.gain
+        return replace(session, values=np.rint(values))
+
+    found = rsicalib.trace(rippled(made.readings), check=rippled(made.check))
+    step = found.steps[0]
+    assert (step.term, step.target, step.applied) == ("free_curve", "a22", True)
+    assert max(abs(height) for _, height in step.curve) > 0.03
+    assert found.implausible == ()
+    assert "absurd" not in [reason.kind for reason in found.reasons]
+    assert fit_of(found).check.position_rms < 0.3 * found.before.check.position_rms
+
+
+# ------------------------------------------------------------------ how sure an effect is
+
+
+def test_the_probability_of_an_effect_is_that_of_the_rise_without_it(tmp_path: Path) -> None:
+    """Rods that are all too long: two effects explain them together, and neither does alone."""
+    rng = np.random.default_rng(1)
+    machine = delta.draw(rng)
+    machine.values.update({f"rod@{tower}": 5.0 for tower in delta.TOWERS})
+    found = rsicalib.trace(*files.write(machine, machine.observe(rng), tmp_path))
+    assert len(found.steps) > 1
+    for step in found.steps:
+        alone = scipy.stats.chi2.sf(step.chi2_rise, len(step.parameters))
+        # Some hundred places, each over how common its kind is.
+        assert alone <= step.p_value <= max(1e6 * alone, 1e-6)
+
+
 # ------------------------------------------------------------------ a convention is no failure
 
 
@@ -308,6 +348,45 @@ def test_a_slip_is_named_in_a_session_without_time() -> None:
     found = rsicalib.trace(bare, it.mechanism, rest=it.rest)
     assert [(step.term, step.target) for step in found.steps] == [("slip", "a21")]
     assert found.verdict == "explained"
+
+
+def test_check_poses_whose_clock_begins_with_the_session_are_taken_after_it() -> None:
+    """A sensor slips in the session, and all known poses are read where it has slipped."""
+    made = rsicalib.simulate(poses=36, samples=4, check=12, seed=2)
+    gain = rsicalib.Mechanism.rsi().channels[4].gain
+
+    def slipped(session: Readings, rows: Any) -> Readings:
+        values = session.values.astype(float)
+        values[rows, 4] -= 0.03 / gain
+        return replace(session, values=np.rint(values))
+
+    readings = slipped(made.readings, made.readings.pose > made.readings.pose[0] + 17)
+    check = slipped(made.check, slice(None))
+    time = check.time_s - check.time_s[0]
+    first, last = readings.time_s[[0, -1]]
+    clocks = {
+        "none": None,
+        "anew": first + time,
+        "later": last + 60.0 + time,
+        "before": first - 60.0 - time[-1] + time,
+    }
+    found = {
+        name: rsicalib.trace(readings, check=replace(check, time_s=clock))
+        for name, clock in clocks.items()
+    }
+    error = {name: fit_of(one).check.position_rms for name, one in found.items()}
+    for name in ("none", "anew", "later"):
+        assert found[name].verdict == "explained"
+        assert error[name] == pytest.approx(error["none"], rel=1e-9)
+    # A clock that all share says that they were read before it slipped.
+    assert error["before"] > 3.0 * error["none"]
+    said = {
+        name: [w.text for w in one.warnings if w.kind == "time_goes_back"]
+        for name, one in found.items()
+    }
+    (text,) = said.pop("anew")
+    assert "count as taken after the last session" in text
+    assert not any(said.values())
 
 
 def test_placements_in_any_order_give_the_same_result() -> None:

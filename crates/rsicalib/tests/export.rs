@@ -48,7 +48,7 @@ fn result(mechanism: &Mechanism, terms: &[&'static dyn Term]) -> Applied {
     let mut parameters = Vec::new();
     for term in terms {
         for target in targets(*term, mechanism) {
-            let sizes = typical(mechanism, *term, target);
+            let sizes = typical(mechanism, &[], *term, target);
             for (p, size) in term.info().parameters.iter().zip(sizes) {
                 let mut value = 10.0 * size * rng.normal();
                 if let Target::Channel(c) = target {

@@ -576,7 +576,8 @@ class Step(Effect, Record, repr=False):
     target: str
     """What the term belongs to."""
     p_value: float | None
-    """Probability by chance, corrected for the places looked at."""
+    """Probability by chance of a χ² that rises so much without it, corrected for the places looked
+    at."""
     applied: bool = True
     """False where the effect is named, and no part of `parameters`."""
     not_applied: str | None = field(default=None, metadata=IF_KNOWN)

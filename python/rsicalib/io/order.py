@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
-
 import numpy as np
 
 from rsicalib.errors import InputError
@@ -55,17 +52,4 @@ def time_goes_back(readings: Samples) -> list[Warned]:
         "terms of drift use it as it stands; check the clock, or give sessions files of their own"
     )
     text = f"{place}: time goes back {times}{more}; {advice}"
-    return [Warned("time_goes_back", None, text)]
-
-
-def clocks_begin_anew(sessions: Sequence[Samples], check: Samples) -> list[Warned]:
-    """Warn where times do not say in which of several sessions check poses were taken."""
-    clocks = [one.time_s for one in sessions if one.time_s is not None]
-    follow = all(a.max() <= b.min() for a, b in itertools.pairwise(clocks))
-    if check.time_s is None or len(clocks) < 2 or follow:
-        return []
-    text = (
-        f"{check.source}, column time_s: the clocks of the sessions begin anew, so these poses "
-        "count as taken after the last session; give all files one clock, or dates"
-    )
     return [Warned("time_goes_back", None, text)]

@@ -427,7 +427,7 @@ def _found(result: TraceShape, evidence: Evidence | None) -> str:
 
 
 def _cost(step: Step, unit: str) -> str:
-    out = f"Its score is one that chance gives with {p_is(step.p_value)}. "
+    out = f"Chance lets χ² rise so much without it with {p_is(step.p_value)}. "
     if step.platform_rms is not None:
         rms = step.platform_rms
         turned = "" if rms.orientation is None else f" and {number(rms.orientation, 2)} rad"

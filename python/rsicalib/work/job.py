@@ -13,7 +13,6 @@ from rsicalib.facts.digest import digest_of_drawing
 from rsicalib.facts.shapes import Between, Parameter
 from rsicalib.facts.warned import Warned
 from rsicalib.io.frames import in_memory
-from rsicalib.io.order import clocks_begin_anew
 from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
 from rsicalib.work.applying import Known, as_applied, as_table, covariance_of, posed
@@ -197,7 +196,6 @@ class Work:
         open_chains = point is not None or not self.mechanism.to_dict().get("platform")
         loaded = load(check, Bare(self.mechanism) if open_chains else self.mechanism, self.skip)
         self.warnings += loaded.warnings
-        self.warnings += clocks_begin_anew(self.readings, loaded)
         self.warnings += self._without(loaded)
         self.checked = loaded
         return posed(loaded, self.mechanism, point, (noise[0] or 0.0, noise[1] or 0.0))

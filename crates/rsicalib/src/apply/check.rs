@@ -100,6 +100,7 @@ pub fn check(
     align: bool,
 ) -> Result<Check, Error> {
     let mechanism = &observations.mechanism;
+    let known = &known.after(&observations.readings.table);
     let (found, pairs) = compare(mechanism, known, align, |t| found(observations, fit, known, t))?;
     let channels = mechanism.channels.len();
     let parts = rows_of_known(&known.table, channels, &known.poses).concat();

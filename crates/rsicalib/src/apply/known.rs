@@ -27,6 +27,13 @@ pub struct Known {
 }
 
 impl Known {
+    /// The same, read after a session whose clock does not tell when they were.
+    pub(crate) fn after(&self, session: &Table) -> Self {
+        let mut known = self.clone();
+        known.table.read_after(session);
+        known
+    }
+
     /// What is known: the platform, or the number of a point among those that chains carry.
     ///
     /// # Errors

@@ -9,7 +9,6 @@ use crate::diagnosis::detectability::{Hardest, seen_at};
 use crate::mechanism::Mechanism;
 use crate::model::{Instance, Model};
 use crate::numerics::symmetric::invert;
-use crate::terms::targets::typical;
 
 /// The absent effect that could harm the platform most without being seen.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,7 +41,7 @@ pub(crate) fn worst_hidden(
         let at = model.instances.iter().position(|i| i == instance)?;
         let own: Vec<usize> = (model.first[at]..model.first[at] + instance.width()).collect();
         let d = own.len();
-        let sizes = typical(mechanism, instance.term, instance.target);
+        let sizes = model.typical_at(instance.term, instance.target);
         let cross = Mat::from_fn(n, d, |i, j| gram[(fitted[i], own[j])] * sizes[j]);
         let absorbed = &inverse * &cross;
         let raw = Mat::from_fn(d, d, |i, j| gram[(own[i], own[j])] * sizes[i] * sizes[j]);

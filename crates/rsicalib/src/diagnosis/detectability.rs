@@ -20,7 +20,6 @@ use crate::model::Instance;
 use crate::numerics::rank::Spaces;
 use crate::numerics::symmetric::{VISIBLE, eigenvalues};
 use crate::numerics::workers;
-use crate::terms::targets::typical;
 
 /// How large an absent effect would have to be to be seen, and what it would do meanwhile.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,7 +96,7 @@ fn units(
     effect: Instance,
     candidate: &Projected,
 ) -> Option<Mat<f64>> {
-    let typical = typical(&observations.mechanism, effect.term, effect.target);
+    let typical = fit.model.typical_at(effect.term, effect.target);
     let d = typical.len();
     let all = Mat::from_fn(d, d, |i, j| if i == j { typical[i] } else { 0.0 });
     let weak = weak(fit, candidate);

@@ -11,7 +11,7 @@ use crate::estimate::search::ratios;
 use crate::estimate::{Fit, Observations};
 use crate::mechanism::{Mechanism, Target, Value};
 use crate::model::Instance;
-use crate::terms::targets::{largest_effect, longest, typical};
+use crate::terms::targets::{largest_effect, longest};
 use crate::terms::term::{Over, Role};
 
 /// Largest share of a channel's range, or of its limits, that noise may be.
@@ -153,20 +153,29 @@ fn oversized(fit: &Fit, mechanism: &Mechanism, instance: &Instance) -> Option<Ab
     let at = fit.model.instances.iter().position(|i| i == instance)?;
     let first = fit.model.first[at];
     let largest = largest_correction(fit, instance, first);
-    let sizes = typical(mechanism, instance.term, instance.target);
-    let parameters = instance.term.info().parameters.iter().zip(sizes);
-    parameters.enumerate().find_map(|(parameter, (info, typical))| {
-        let value = fit.beta[first + parameter];
-        let correction = match (info.unit, sensor(mechanism, instance.target)) {
-            ("rad/reading", Some(c)) => SLOPE * travel(mechanism, c),
-            _ => typical,
-        };
-        let absurd = match largest {
-            Some(largest) => largest > largest_effect() * correction,
-            None => value.abs() > largest_effect() * typical,
-        };
-        absurd.then_some(Absurdity::Effect { instance: *instance, parameter, value, typical })
-    })
+    let info = instance.term.info();
+    // How often a curve goes up and down makes it no larger.
+    let corrects = |k: usize| info.parameters[k].unit.starts_with("rad");
+    let all = largest.is_none() || !(0..info.parameters.len()).any(corrects);
+    let sizes = fit.model.typical_at(instance.term, instance.target).into_iter().enumerate();
+    let sizes = sizes.filter(|(k, _)| all || corrects(*k));
+    let times = |&(k, typical): &(usize, f64)| fit.beta[first + k].abs() / typical;
+    let (parameter, typical) = sizes.clone().max_by(|a, b| times(a).total_cmp(&times(b)))?;
+    let size = match largest {
+        // A free curve has small sizes of waves that are seldom large, and is as large as the first of them.
+        Some(largest) => {
+            let sensor = sensor(mechanism, instance.target);
+            let correction = |(k, typical): (usize, f64)| match (info.parameters[k].unit, sensor) {
+                ("rad/reading", Some(c)) => SLOPE * travel(mechanism, c),
+                _ => typical,
+            };
+            largest / sizes.map(correction).fold(f64::MIN_POSITIVE, f64::max)
+        }
+        None => times(&(parameter, typical)),
+    };
+    let value = fit.beta[first + parameter];
+    let effect = Absurdity::Effect { instance: *instance, parameter, value, typical };
+    (size > largest_effect()).then_some(effect)
 }
 
 /// Half of what a channel can read, in radians or length units; half a turn where nothing bounds a

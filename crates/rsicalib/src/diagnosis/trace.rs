@@ -50,9 +50,9 @@ pub use crate::diagnosis::search::rivals::Explanation;
 pub struct Found {
     /// The effect.
     pub instance: Instance,
-    /// Probability of its score by chance, corrected for the places looked at.
+    /// Probability of such a rise by chance, corrected for the places looked at.
     pub p_value: f64,
-    /// By how much χ² would rise without it.
+    /// By how much χ² would rise without it, all else that was found kept.
     pub rise: f64,
     /// What fits as well.
     pub also: Vec<Instance>,
@@ -65,10 +65,14 @@ pub struct Found {
 }
 
 impl Found {
-    fn of(rise: f64, step: FoundEffect) -> Self {
+    /// `judge` is that of the fit with all that was found: a score when it was found is judged beside what was
+    /// still to be found, as one of two effects that only both explain is beside all that the other does.
+    fn of(rise: f64, step: FoundEffect, judge: &Judge) -> Self {
         let FoundEffect { scored, also, without, scores, laws, .. } = step;
-        let Scored { instance, corrected, .. } = scored;
-        Self { instance, p_value: corrected, rise, also, without, scores, laws }
+        let Scored { instance, width, places, .. } = scored;
+        let of_rise = judge.without(rise, width).p_value(rise.max(0.0), width);
+        let p_value = (of_rise * places).min(1.0);
+        Self { instance, p_value, rise, also, without, scores, laws }
     }
 }
 
@@ -423,11 +427,11 @@ fn explain(
         Some(stretches) => rise(&after, &stretches.in_all(&step.scored.instance)),
         None => step.without.cost() - current.cost(),
     };
-    let delayed = |step: FoundEffect| Found::of(rise(&after, &step.scored.instance), step);
+    let delayed = |step: FoundEffect| Found::of(rise(&after, &step.scored.instance), step, &judge);
     let mut found: Vec<Found> = late.into_iter().map(delayed).collect();
     let delayed: Vec<Instance> = found.iter().map(|delay| delay.instance).collect();
     rivals.iter_mut().for_each(|rival| rival.effects.splice(0..0, delayed.clone()).for_each(drop));
-    found.extend(steps.into_iter().map(|step| Found::of(of_all(&step), step)));
+    found.extend(steps.into_iter().map(|step| Found::of(of_all(&step), step, &judge)));
     let p_value = after.p_value;
     let after = with_groups(after, &observations);
     let traced = Traced {

@@ -8,6 +8,7 @@ use crate::diagnosis::options::LEVEL;
 use crate::estimate::Fit;
 use crate::estimate::directions::Directions;
 use crate::monitor::closing::OpenLoops;
+use crate::numerics::distributions::chi2_quantile;
 
 /// What is said of a calibration, in one word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -112,24 +113,33 @@ pub struct Compared {
     pub found: f64,
     /// Under the other one.
     pub other: f64,
-    /// Of how many errors both are the mean or the root mean square.
-    pub errors: f64,
+    /// So many times as much as under the other one may be chance.
+    pub chance: f64,
 }
 
 impl Compared {
-    /// Positions of known poses under a calibration and under another.
+    /// Means or root mean squares of so many errors: chance are two relative standard deviations of such a root.
     #[must_use]
-    pub fn of(found: &Check, other: &Check) -> Self {
-        let errors = 3.0 * found.poses as f64;
-        Self { found: found.position_rms, other: other.position_rms, errors }
+    pub fn of_errors(found: f64, other: f64, errors: f64) -> Self {
+        Self { found, other, chance: 1.0 + 2.0 / (2.0 * errors.max(1.0)).sqrt() }
     }
 
-    /// True where the first is off by more than noise makes it.
+    /// Positions of known poses under a calibration and under another: χ² of (110), were the first predicted to
+    /// be off by as much as the other is. All of these errors share those of the parameters, so that they
+    /// are as many as its degrees of freedom; noise of the known poses is in both.
+    #[must_use]
+    pub fn of(found: &Check, other: &Check) -> Self {
+        let all = 3.0 * found.poses as f64;
+        let errors =
+            found.predicted.map_or(all, |predicted| predicted.dof.clamp(1.0, all.max(1.0)));
+        let chance = (chi2_quantile(KNOWN, errors) / errors).sqrt();
+        Self { found: found.position_rms, other: other.position_rms, chance }
+    }
+
+    /// True where the first is off by more than chance makes it.
     #[must_use]
     pub fn worse(&self) -> bool {
-        // Two relative standard deviations of a root mean square.
-        let chance = 1.0 + 2.0 / (2.0 * self.errors.max(1.0)).sqrt();
-        self.found > self.other * WORSE.max(chance)
+        self.found > self.other * WORSE.max(self.chance)
     }
 }
 
@@ -183,6 +193,15 @@ pub struct Evidence {
     pub groups_before: Option<Compared>,
 }
 
+impl Evidence {
+    /// True where positions are predicted to err by no less than before there were readings, by a noise and by
+    /// knowledge that these bear out.
+    fn tells_nothing(&self) -> bool {
+        let no_less = self.predicted.is_some_and(|[sd, before]| sd >= before);
+        no_less && !self.loose && !self.contradicted
+    }
+}
+
 /// A reason of a verdict that is not good.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -219,8 +238,8 @@ pub enum Why {
     CheckPoseOrientation,
     /// Known poses are off by more than with the mechanism as it is declared.
     CheckDeclared,
-    /// Known poses are predicted to be off by more than they are with the mechanism as it is declared,
-    /// and are off by no less.
+    /// Positions are predicted to err by no less than before there were readings, and known poses are off by
+    /// no less than with the mechanism as it is declared.
     PredictedDeclared,
     /// Known poses are off by more than without the effects found.
     CheckBefore,
@@ -316,10 +335,8 @@ pub fn judge(evidence: &Evidence) -> Judgement {
     let reasons = against(evidence);
     // What known poses show comes before what is predicted; so does what is left. Nothing is measured against knowledge
     // that the readings contradict.
-    if let Some([found, expected]) = evidence.predicted.filter(|[sd, before]| sd >= before)
+    if let Some([found, expected]) = evidence.predicted.filter(|_| evidence.tells_nothing())
         && evidence.check.is_none()
-        && !evidence.loose
-        && !evidence.contradicted
         && reasons.is_empty()
     {
         let (found, expected) = (Some(found), Some(expected));
@@ -368,7 +385,7 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
         let positions = [check.position_rms, predicted.position_sd];
         let turns = check.orientation_rms.zip(predicted.orientation_sd).map(<[f64; 2]>::from);
         let [found, other] = positions;
-        let off = Compared { found, other, errors: 3.0 * check.poses as f64 }.worse();
+        let off = Compared::of_errors(found, other, 3.0 * check.poses as f64).worse();
         let (kind, numbers) = match turns {
             Some(turns) if !off => (Why::CheckOrientation, turns),
             _ => (Why::Check, positions),
@@ -385,15 +402,19 @@ fn against(evidence: &Evidence) -> Vec<Reason> {
         let reason = Reason::beyond(kind, KNOWN, numbers, Some(worst.p_value))?;
         Some(Reason { pose: worst.pose, ..reason })
     });
-    // A few known poses that happen to be no worse vouch for no others.
-    let predicted_declared = evidence.check_declared.filter(|it| it.found >= it.other);
-    let predicted_declared = predicted_declared.and_then(|compared| {
-        let found = evidence.check?.predicted?.position_sd;
-        Reason::worse(Why::PredictedDeclared, Some(Compared { found, ..compared }))
+    // Known poses that happen to be no worse vouch for no others where readings tell no more than the drawing does.
+    let known = evidence.check_declared.filter(|it| it.found >= it.other);
+    let predicted_declared = known.filter(|_| evidence.tells_nothing()).and_then(|it| {
+        let (found, expected) = (Some(predicted?.position_sd), Some(it.other));
+        Some(Reason { found, expected, ..Reason::of(Why::PredictedDeclared) })
     });
     // Known poses all share the errors of the parameters: what is off by no more than these predict
     // says nothing of an effect.
+    // What is off by more than that is no longer off by chance of the parameters.
     let check_before = found(evidence.check_before).filter(|_| check.is_some());
+    let check_before = check_before
+        .zip(evidence.check)
+        .map(|(it, known)| Compared::of_errors(it.found, it.other, 3.0 * known.poses as f64));
     let held_out = evidence.held_out.and_then(|it| {
         let numbers = [it.chi2_per_dof, evidence.chi2_per_dof?];
         Reason::beyond(Why::HeldOut, LEVEL, numbers, it.p_value)
@@ -458,7 +479,7 @@ mod tests {
     }
 
     fn worse() -> Option<Compared> {
-        Some(Compared { found: 2.0, other: 1.0, errors: 300.0 })
+        Some(Compared::of_errors(2.0, 1.0, 300.0))
     }
 
     #[test]
@@ -537,7 +558,7 @@ mod tests {
         let of = |position_rms, other| Evidence {
             predicted: Some([62.0, 30.0]),
             check: Some(Check { position_rms, predicted: Some(expected), ..known() }),
-            check_declared: Some(Compared { found: position_rms, other, errors: 9.0 }),
+            check_declared: Some(Compared::of_errors(position_rms, other, 9.0)),
             ..clean()
         };
         assert_eq!(said(&of(6.0, 5.0)), (Verdict::Unexplained, vec![Why::PredictedDeclared]));
@@ -559,9 +580,29 @@ mod tests {
 
     #[test]
     fn what_is_off_by_no_more_than_noise_is_not_worse() {
-        let of = |found, errors| Compared { found, other: 1.0, errors }.worse();
+        let of = |found, errors| Compared::of_errors(found, 1.0, errors).worse();
         // Two relative deviations of a root mean square of 50 errors are a fifth.
         assert_eq!([of(1.19, 50.0), of(1.21, 50.0)], [false, true]);
         assert_eq!([of(1.04, 1e6), of(1.06, 1e6)], [false, true]);
+    }
+
+    #[test]
+    fn known_poses_that_share_the_errors_of_parameters_are_few() {
+        let of = |position_rms, dof| {
+            let expected = Expected {
+                position_sd: 0.08,
+                orientation_sd: None,
+                chi2: 1.0,
+                dof,
+                p_value: 0.9,
+                worst: None,
+            };
+            let found = Check { poses: 40, position_rms, predicted: Some(expected), ..known() };
+            let drawn = Check { poses: 40, position_rms: 0.036, ..known() };
+            Compared::of(&found, &drawn).worse()
+        };
+        // By tables, χ² of 4 degrees of freedom exceeds 15.8 with ⅓ %, and that of 100 exceeds 142.6.
+        assert_eq!([of(1.97 * 0.036, 4.0), of(2.01 * 0.036, 4.0)], [false, true]);
+        assert_eq!([of(1.18 * 0.036, 100.0), of(1.21 * 0.036, 100.0)], [false, true]);
     }
 }

@@ -35,8 +35,8 @@ use crate::model::{Model, Thing};
 use crate::numerics::component::{Component, Contrasts};
 use crate::numerics::symmetric::{dot, invert};
 use crate::readings::{along, ascending};
+use crate::terms::PointPosition;
 use crate::terms::term::{Placed, Role, Spot};
-use crate::terms::{PointPosition, targets};
 
 /// Contrasts of a half of the groups of which no component of its own is told.
 const FEW: usize = 3;
@@ -59,7 +59,7 @@ pub fn with_groups(fit: Fit, observations: &Observations) -> Fit {
 fn between(observations: &Observations, fit: &Fit) -> Option<Between> {
     let (grouping, of_row, names) = numbered_groups(observations, &fit.model)?;
     let sums = Sums::of(observations, fit, &of_row, names.len());
-    let changing = changing(observations, &fit.model, &sums);
+    let changing = changing(&fit.model, &sums);
     let all: Vec<usize> = (0..names.len()).collect();
     let order = groups_along(observations, &of_row);
     let order: Vec<usize> = order.into_iter().filter(|g| *g < names.len()).collect();
@@ -134,19 +134,18 @@ fn place_in<T: PartialEq>(seen: &mut Vec<T>, value: T) -> usize {
 }
 
 /// Columns that may change from group to group, with typical sizes.
-fn changing(observations: &Observations, model: &Model, sums: &Sums) -> Vec<(usize, f64)> {
-    let mechanism = &observations.mechanism;
+fn changing(model: &Model, sums: &Sums) -> Vec<(usize, f64)> {
     let mut changing = Vec::new();
     for (instance, &first) in model.instances.iter().zip(&model.first) {
         let term = instance.term;
         let sits = term.placed() == Placed::Once && term.moves_only(&[Spot::Tip]);
         if term.role() == Role::Offset || sits {
-            let sizes = targets::typical(mechanism, instance.term, instance.target);
+            let sizes = model.typical_at(instance.term, instance.target);
             changing.extend(sizes.into_iter().enumerate().map(|(k, size)| (first + k, size)));
         }
     }
     // What is touched in several groups may have been moved between them.
-    let size = targets::typical(mechanism, &PointPosition, Target::All).first().copied();
+    let size = model.typical_at(&PointPosition, Target::All).first().copied();
     for unknown in model.unknowns.iter().filter(|u| matches!(u.thing, Thing::Point(_))) {
         let columns = model.term_parameters + unknown.first..;
         for column in columns.take(unknown.width) {

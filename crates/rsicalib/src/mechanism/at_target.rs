@@ -81,6 +81,15 @@ impl Mechanism {
         unit.replace("reading", reading).replace("length", &self.length_unit)
     }
 
+    /// Half of how far a channel goes, in readings that span so much: half of its range, or half a turn, and of a channel
+    /// without a range that reads no joint, no angle and no length what they go through.
+    pub(crate) fn half_range_in(&self, channel: usize, [low, high]: [f64; 2]) -> f64 {
+        let own = &self.channels[channel];
+        let unbounded = own.ends().is_none() && !self.slides(channel) && !self.moves_joint(channel);
+        let shown = unbounded && self.coordinate_unit(Target::Channel(channel)) != "rad";
+        if shown && low < high { 0.5 * (high - low) } else { own.half_range() }
+    }
+
     /// True where the sensors of all parts of a target may be of one make: the same unit and
     /// range, and nearly the same nominal gain.
     #[doc(hidden)]

@@ -6,7 +6,7 @@ use crate::model::compiled::Model;
 use crate::model::instance::Instance;
 use crate::model::prior::Prior;
 use crate::terms::targets;
-use crate::terms::term::{Acts, Per, Role};
+use crate::terms::term::{Acts, Per, Role, Term};
 
 /// Standard deviation of the prior on the first joint's offset where that offset turns chain and
 /// unknown points together (rad, or length units): the same as of the rotations of a frame.
@@ -153,11 +153,16 @@ impl Model {
         }
     }
 
+    /// Typical size of each parameter of a term at a target, [`targets::typical`], in these readings.
+    pub(crate) fn typical_at(&self, term: &dyn Term, target: Target) -> Vec<f64> {
+        targets::typical(&self.mechanism, &self.scales, term, target)
+    }
+
     /// Typical size of each parameter of an instance. What a joint gives is typical under the
     /// largest torque about that joint in these readings, and at most what is typical of the
     /// mechanism: readings that hardly load a joint do not say how it gives.
     fn typical(&self, instance: &Instance) -> Vec<f64> {
-        let of_mechanism = targets::typical(&self.mechanism, instance.term, instance.target);
+        let of_mechanism = self.typical_at(instance.term, instance.target);
         let torque = self.largest_torque(instance).filter(|torque| *torque > 0.0);
         match (instance.term.acts(), torque) {
             (Acts::Load(Weight::Links), Some(torque)) => {

@@ -12,7 +12,7 @@ use crate::monitor::place::Place;
 use crate::monitor::score::MOST_COLUMNS;
 use crate::numerics::random::Random;
 use crate::readings::Table;
-use crate::terms::targets::{largest_effect, typical};
+use crate::terms::targets::largest_effect;
 use crate::terms::term::{Info, Needs, Role};
 use crate::{Error, terms};
 
@@ -116,10 +116,10 @@ impl Watched {
                 .iter()
                 .position(|i| i.term.info().id == term.info().id && i.target == target);
             let Some(first) = k.map(|k| model.first[k]) else { continue };
-            let mut sizes = typical(mechanism, term, target);
+            let mut sizes = model.typical_at(term, target);
             if term.info().broad {
                 // A link bends by as much as it is longer than drawn, whatever is moved.
-                let bent = typical(mechanism, terms::find("link_length")?, target)[0];
+                let bent = model.typical_at(terms::find("link_length")?, target)[0];
                 let lengths = term.info().parameters.iter().map(|p| p.unit == "length");
                 sizes.iter_mut().zip(lengths).filter(|(_, l)| *l).for_each(|(s, _)| *s = bent);
             }

@@ -7,22 +7,21 @@
 //! A file without labels of poses may be a recording, or a list of poses that were read once each.
 //! Only where neighbouring rows keep to lines, [`is_motion`], slopes say anything of a row.
 
-use crate::mechanism::Channel;
+use crate::mechanism::{Channel, Mechanism};
 use crate::readings::table::Table;
 
 /// Changes by fewer counts than this from pose to pose have no direction.
 const STANDSTILL: f64 = 3.0;
 
-/// [`STANDSTILL`] in the unit of a channel: for an encoder, the same share of the range as 3 of
-/// 4096 counts.
-fn standstill(channel: &Channel) -> f64 {
-    if channel.counts() { STANDSTILL } else { STANDSTILL * channel.half_range() / 2048.0 }
-}
-
-/// [`STANDSTILL`] of every channel.
+/// [`STANDSTILL`] of every channel in its unit, of readings with these spans: for an encoder, the same share of the range as
+/// 3 of 4096 counts.
 #[must_use]
-pub(crate) fn standstills(channels: &[Channel]) -> Vec<f64> {
-    channels.iter().map(standstill).collect()
+pub(crate) fn standstills(mechanism: &Mechanism, span: &[[f64; 2]]) -> Vec<f64> {
+    let of = |(channel, own): (usize, &Channel)| match own.counts() {
+        true => STANDSTILL,
+        false => STANDSTILL * mechanism.half_range_in(channel, span[channel]) / 2048.0,
+    };
+    mechanism.channels.iter().enumerate().map(of).collect()
 }
 
 /// Rows to either side in the local fit of a velocity.

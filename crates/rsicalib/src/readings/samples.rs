@@ -293,10 +293,11 @@ impl Readings {
 
         let column = |c: usize| table.values.iter().skip(c).step_by(channels).copied();
         let mean = (0..channels).map(|c| column(c).sum::<f64>() / samples as f64).collect();
-        let span = (0..channels)
+        let span: Vec<[f64; 2]> = (0..channels)
             .map(|c| column(c).fold([f64::MAX, f64::MIN], |[l, h], v| [l.min(v), h.max(v)]))
             .collect();
 
+        let still = standstills(mechanism, &span);
         let mut readings = Self {
             samples,
             channels,
@@ -321,7 +322,7 @@ impl Readings {
             blocks: Vec::new(),
             raw: Vec::new(),
             columns: Vec::new(),
-            still: standstills(&mechanism.channels),
+            still,
             sides: OnceLock::new(),
             motion: OnceLock::new(),
             memories: Memories::default(),
@@ -352,7 +353,7 @@ impl Readings {
             ..Mechanism::default()
         };
         let mut taken = Self::build(&bare, table, None, None, true)?;
-        taken.still = standstills(&mechanism.channels);
+        taken.still = standstills(mechanism, &taken.span);
         match rows.iter().find(|row| **row >= taken.samples) {
             Some(row) => Err(Error::shape("rows of the whole session", *row, taken.samples)),
             None => Error::same("rows of a part of a session", rows.len(), samples)

@@ -74,6 +74,26 @@ impl Table {
         begins.all(|row| time[row] >= ended(row))
     }
 
+    /// True where the clock tells when other rows were read beside these: it goes on from session to session, and the
+    /// others begin after the first of them has begun, or end before. True without times.
+    #[must_use]
+    pub(crate) fn has_clock_of(&self, other: &Self) -> bool {
+        let (Some(mine), Some([first, last])) = (ends(&self.time), ends(&other.time)) else {
+            return true;
+        };
+        self.has_one_clock() && (first > mine[0] || last < mine[0])
+    }
+
+    /// Moves the clock so that these rows are read after others, where theirs does not tell when.
+    pub(crate) fn read_after(&mut self, others: &Self) {
+        let (Some([_, end]), Some([first, _])) = (ends(&others.time), ends(&self.time)) else {
+            return;
+        };
+        if !others.has_clock_of(self) {
+            self.time.iter_mut().flatten().for_each(|time| *time += end - first);
+        }
+    }
+
     /// What some rows are a part of.
     pub(crate) fn part_of(&self, rows: impl Iterator<Item = usize>) -> Option<Part> {
         Some(match &self.part {
@@ -97,6 +117,12 @@ impl Table {
     pub(crate) fn session_of(&self, row: usize) -> usize {
         self.session.as_ref().map_or(0, |session| session[row])
     }
+}
+
+/// The first and the last of the times of some rows.
+fn ends(time: &Option<Vec<f64>>) -> Option<[f64; 2]> {
+    let (first, rest) = time.as_ref()?.split_first()?;
+    Some(rest.iter().fold([*first; 2], |[low, high], t| [low.min(*t), high.max(*t)]))
 }
 
 /// The runs of rows with the same pose: every row, of a recording.
@@ -170,5 +196,34 @@ pub(crate) fn average<R: ExactSizeIterator<Item = usize> + Clone>(
         keys: table.keys.iter().map(|k| firsts.iter().map(|&r| k[r].clone()).collect()).collect(),
         columns: table.columns.iter().map(measured).collect(),
         part: table.part_of(firsts.into_iter()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_at(time: &[f64]) -> Table {
+        Table { values: vec![0.0; time.len()], time: Some(time.to_vec()), ..Table::default() }
+    }
+
+    #[test]
+    fn a_clock_that_begins_with_the_session_or_before_tells_nothing() {
+        let session = read_at(&[0.0, 10.0, 20.0]);
+        let after = |time: &[f64]| {
+            let mut other = read_at(time);
+            let told = session.has_clock_of(&other);
+            other.read_after(&session);
+            (told, other.time.unwrap_or_default())
+        };
+        assert_eq!(after(&[5.0, 6.0]), (true, vec![5.0, 6.0]));
+        assert_eq!(after(&[-9.0, -1.0]), (true, vec![-9.0, -1.0]));
+        assert_eq!(after(&[0.0, 3.0]), (false, vec![20.0, 23.0]));
+        assert_eq!(after(&[-1.0, 3.0]), (false, vec![20.0, 24.0]));
+        let timeless = Table { time: None, ..session.clone() };
+        assert!(session.has_clock_of(&timeless) && timeless.has_clock_of(&session));
+        // The clock of a second session begins anew.
+        let sessions = Table { session: Some(vec![0, 0, 1]), ..read_at(&[0.0, 10.0, 2.0]) };
+        assert!(!sessions.has_clock_of(&read_at(&[50.0])));
     }
 }

@@ -206,16 +206,15 @@ impl GroupsReport {
     pub fn expected(&self) -> Option<Compared> {
         let added = (2.0_f64 * 3.0).sqrt() * self.predicted?;
         let other = self.fitted?.hypot(added);
-        Some(Compared { found: self.others?, other, errors: self.coordinates })
+        Some(Compared::of_errors(self.others?, other, self.coordinates))
     }
 
     /// Groups that were not fitted beside the mechanism as it is declared, and beside the fit without
     /// the effects found.
     #[must_use]
     pub fn compared(&self) -> [Option<Compared>; 2] {
-        let with = |other: Option<f64>| {
-            Some(Compared { found: self.others?, other: other?, errors: self.coordinates })
-        };
+        let with =
+            |other: Option<f64>| Some(Compared::of_errors(self.others?, other?, self.coordinates));
         [with(self.nominal_others), with(self.before_others)]
     }
 }

@@ -143,6 +143,7 @@ pub fn of(
         warnings: warned::warnings(used, fit, fit)
             .into_iter()
             .chain(warned::known_poses(used, quality.aligned.or(quality.check)))
+            .chain(warned::clocks(used, fit, beside.and_then(|beside| beside.known.as_ref())))
             .chain(open_loops.map(|open| warned::open_loops(&used.mechanism, &open)))
             .collect(),
         excluded: out.iter().map(|e| excluded(used, e)).collect(),

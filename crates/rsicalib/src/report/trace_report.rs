@@ -92,7 +92,7 @@ pub struct StepReport {
     pub class: Class,
     /// What the term belongs to.
     pub target: String,
-    /// Probability by chance, corrected for the places looked at.
+    /// Probability by chance of a χ² that rises so much without it, corrected for the places looked at.
     #[cfg_attr(feature = "serde", serde(default = "nullable::unknown", with = "nullable"))]
     #[cfg_attr(feature = "document", schemars(!default, with = "Option<f64>"))]
     pub p_value: f64,

@@ -80,7 +80,8 @@ pub fn traced(
     let could_hide = could_hide(&traced, search)?;
     // By known poses a result that leaves something says how large its errors are.
     let leaves = matches!(verdict, Verdict::PartlyExplained | Verdict::Unexplained);
-    let known = beside.and_then(|beside| beside.known.as_ref()).filter(|_| leaves);
+    let of_known = beside.and_then(|beside| beside.known.as_ref());
+    let known = of_known.filter(|_| leaves);
     let report = TraceReport {
         verdict,
         reasons,
@@ -90,6 +91,7 @@ pub fn traced(
             .chain(warned::as_drawn(&traced))
             .chain(warned::unread(&traced))
             .chain(warned::known_poses(observations, after.aligned.or(after.check)))
+            .chain(warned::clocks(&traced.observations, &trial.applied, of_known))
             .chain(open_loops.map(|open| warned::open_loops(&observations.mechanism, &open)))
             .collect(),
         excluded: traced.excluded.iter().map(|e| excluded(&traced.observations, e)).collect(),
@@ -353,7 +355,7 @@ fn left_out(traced: &Traced, fitted: &Fit, of_all: &Fit) -> Option<HeldOut> {
 fn compared(traced: &Traced, before: &HeldOut, after: &HeldOut) -> Compared {
     let equations = traced.last.residuals.equations * traced.answer().0.readings.poses();
     let errors = 0.25 * equations as f64;
-    Compared { found: after.chi2_per_dof, other: before.chi2_per_dof, errors }
+    Compared::of_errors(after.chi2_per_dof, before.chi2_per_dof, errors)
 }
 
 fn rival(observations: &Observations, explanation: &Explanation) -> RivalReport {
@@ -457,7 +459,7 @@ fn step(
         applied: not_applied.is_none(),
         not_applied,
         probability: (!rivals.is_empty()).then_some(probability),
-        p_value: found.p_value.min(1.0),
+        p_value: found.p_value,
         chi2_rise: Some(found.rise),
         parameters: parameters.collect(),
         also_fits: found.also.iter().map(|i| Place::of(&traced.small, i)).chain(unknown).collect(),

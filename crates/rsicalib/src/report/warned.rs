@@ -1,6 +1,7 @@
 //! [`Warned`]: what is suspicious, for programs and for people.
 
 use crate::apply::check::Check;
+use crate::apply::known::Known;
 use crate::diagnosis::options::LEVEL;
 use crate::diagnosis::plausibility::Absurdity;
 use crate::diagnosis::trace::Traced;
@@ -8,9 +9,11 @@ use crate::estimate::directions::ParameterReport;
 use crate::estimate::suspicion::{InDegrees, Suspicion};
 use crate::estimate::{Fit, Note, Observations};
 use crate::mechanism::Mechanism;
+use crate::model::Instance;
 use crate::model::known::Declared;
 use crate::monitor::closing::OpenLoops;
 use crate::report::words;
+use crate::terms::term::{Needs, Placed};
 
 /// Something suspicious about the readings, or about what is declared of them.
 ///
@@ -237,6 +240,18 @@ pub fn known_poses(observations: &Observations, check: Option<Check>) -> Option<
     let misread = check?.misread?;
     let text = words::misread(misread, &observations.mechanism.length_unit);
     Some(Warned { kind: Kind::KnownPoses, target: None, text })
+}
+
+/// That no clock tells when known poses were read beside what happened in a session; none where one does, or nothing
+/// depends on it.
+#[must_use]
+pub fn clocks(observations: &Observations, fit: &Fit, known: Option<&Known>) -> Option<Warned> {
+    let told = observations.readings.table.has_clock_of(&known?.table);
+    let depends =
+        |i: &Instance| i.term.placed() == Placed::AtPose || i.term.needs().contains(&Needs::Order);
+    let untold = !told && fit.model.instances.iter().any(depends);
+    let text = words::clocks();
+    untold.then_some(Warned { kind: Kind::TimeGoesBack, target: None, text })
 }
 
 /// That the loops of the known poses do not close as those of the session do.

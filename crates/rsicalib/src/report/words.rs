@@ -149,6 +149,14 @@ pub fn quieter_loops(source: &str) -> String {
     )
 }
 
+/// That no clock tells when known poses were read, and what follows.
+#[must_use]
+pub fn clocks() -> String {
+    "column time_s of the check poses: it begins anew, or that of a session does, so these poses count as \
+     taken after the last session; give all files one clock, or dates"
+        .into()
+}
+
 /// How known poses were misread, and what to do.
 #[must_use]
 pub fn misread(misread: Misread, length_unit: &str) -> String {

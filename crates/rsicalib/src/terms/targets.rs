@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::mechanism::{Chain, Mechanism, Motion, PlaceName, Row, Target, Variable, place_name};
 use crate::readings::{Readings, is_absent};
-use crate::terms::term::{Acts, Class, Needs, Per, Placed, Role, Spot, Term};
+use crate::terms::term::{Acts, Class, Needs, Per, Placed, Role, Scale, Spot, Term};
 
 stated! {
     /// Largest size of an effect, in its typical sizes.
@@ -177,6 +177,13 @@ fn counts(mechanism: &Mechanism, channel: usize) -> bool {
         .is_some_and(|c| !["rad", "deg", &mechanism.length_unit].contains(&&*c.unit))
 }
 
+/// Half of how far the coordinate of a channel goes.
+fn reach(mechanism: &Mechanism, scales: &[Scale], channel: usize) -> f64 {
+    let own = &mechanism.channels[channel];
+    let shown = scales.get(channel).map(|scale| mechanism.half_range_in(channel, scale.span));
+    own.gain.abs() * shown.unwrap_or_else(|| own.half_range())
+}
+
 /// What a gain of a channel that reads angles or lengths, or is on no joint, is to be multiplied by: three parts in a
 /// thousand are typical of a joint or a length, three per cent of anything else.
 fn own_gain(mechanism: &Mechanism, channel: usize) -> f64 {
@@ -303,9 +310,15 @@ pub fn searchable(
 /// Typical size of each parameter of a term at a target, in the units of a mechanism.
 ///
 /// A typical length is declared as a fraction of the longest link, and a typical size per torque
-/// for all masses at the end of that link. An angle of a prismatic joint is a length.
+/// for all masses at the end of that link. An angle of a prismatic joint is a length. `scales` are those of
+/// the channels in some readings; without them, none, only what is declared tells how far a channel goes.
 #[must_use]
-pub fn typical(mechanism: &Mechanism, term: &dyn Term, target: Target) -> Vec<f64> {
+pub fn typical(
+    mechanism: &Mechanism,
+    scales: &[Scale],
+    term: &dyn Term,
+    target: Target,
+) -> Vec<f64> {
     if term.info().law {
         return term.info().parameters.iter().map(|p| p.typical).collect();
     }
@@ -314,13 +327,14 @@ pub fn typical(mechanism: &Mechanism, term: &dyn Term, target: Target) -> Vec<f6
     // Where no link has a mass, a torque is that of a unit weight.
     let mass = rows().filter_map(|r| r.mass).reduce(|a, b| a + b).unwrap_or(1.0);
     let slides = mechanism.slides_at(target);
-    // A coordinate of no joint and no length has its channel's range as its size.
+    // A coordinate of no joint and no length has how far its channel goes as its size.
     let own = match target {
-        Target::Channel(c) if !slides && !mechanism.moves_joint(c) => {
-            mechanism.channels.get(c).map(|c| c.half_range() * c.gain.abs())
+        Target::Channel(_) | Target::EachJoint(..) | Target::Together(_) if !slides => {
+            mechanism.channels_at(target).first().copied()
         }
         _ => None,
     };
+    let own = own.filter(|&c| !mechanism.moves_joint(c)).map(|c| reach(mechanism, scales, c));
     let scale = |unit: &str| match unit {
         "rad" | "rad/session" | "rad/K" if slides => longest,
         "rad" | "rad/session" | "rad/K" => own.unwrap_or(1.0),

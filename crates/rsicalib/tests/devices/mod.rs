@@ -492,7 +492,7 @@ pub fn sizes(instance: &Instance, mechanism: &Mechanism, rng: &mut Rng) -> Vec<f
         _ => false,
     };
     let parameters = instance.term.info().parameters.iter();
-    let typical = targets::typical(mechanism, instance.term, instance.target);
+    let typical = targets::typical(mechanism, &[], instance.term, instance.target);
     parameters
         .zip(typical)
         .map(|(p, typical)| {

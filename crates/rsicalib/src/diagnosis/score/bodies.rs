@@ -13,7 +13,7 @@ use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
 use crate::screening::steps::{Fitted, SIDE, StepScore, StepSums};
 use crate::terms;
-use crate::terms::targets::{self, searchable, targets_in};
+use crate::terms::targets::{searchable, targets_in};
 use crate::terms::term::{Acts, Placed, Spot, Term};
 
 /// Equations on either side of a move for each of its columns: of fewer, a few wrong readings look
@@ -119,7 +119,7 @@ impl<'a> Bodies<'a> {
     /// One body's moves, each with its score and the directions that the rows tell of it.
     fn moves(&self, body: usize) -> Vec<(Instance, StepScore, f64)> {
         let Instance { term, target, .. } = self.bodies[body];
-        let typical = targets::typical(&self.at.observations.mechanism, term, target);
+        let typical = self.at.fit.model.typical_at(term, target);
         let mut found = Vec::new();
         self.each_time(body, |instance, sums| {
             let Some(scored) = sums.score(&self.at.pull) else { return };

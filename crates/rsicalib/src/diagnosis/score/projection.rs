@@ -10,7 +10,6 @@ use crate::model::{Instance, Model};
 use crate::numerics::lanes::Lanes;
 use crate::numerics::normal_equations::{Own, add_all, add_line};
 use crate::numerics::symmetric::{VISIBLE, eigenvalues};
-use crate::terms::targets;
 
 /// ScoreSums for (71) over all candidates.
 struct ScoreSums {
@@ -301,12 +300,12 @@ pub fn score(
     named: &[Instance],
 ) -> Result<Vec<Scored>, Error> {
     let projected = project(observations, fit, named)?;
-    Ok(score_of(observations, judge, named, &projected))
+    Ok(score_of(&fit.model, judge, named, &projected))
 }
 
 /// (72) of candidates with their projected normal equations.
 pub fn score_of(
-    observations: &Observations,
+    model: &Model,
     judge: &Judge,
     named: &[Instance],
     projected: &[Projected],
@@ -316,14 +315,14 @@ pub fn score_of(
     let places = [count(Family::Named), count(Family::Free)];
     let mut scored = Vec::with_capacity(named.len());
     for (instance, candidate) in named.iter().zip(projected) {
-        let (score, width, p_value) = judge_projected(observations, *instance, candidate, judge);
+        let (score, width, p_value) = judge_projected(model, *instance, candidate, judge);
         if width > 0.0 {
             let family = family(instance);
             let places = places[usize::from(family == Family::Free)];
             let mut one = Scored::of(*instance, family, score, width, p_value, places);
             if family == Family::Free {
                 one.charge = judge.said.fall(score)
-                    + evidence(observations, *instance, candidate, &judge.said, score);
+                    + evidence(model, *instance, candidate, &judge.said, score);
             }
             scored.push(one);
         }
@@ -347,14 +346,14 @@ fn norms(candidate: &Projected) -> Vec<f64> {
 
 /// Eq. (72) for one candidate: score, degrees of freedom, probability.
 fn judge_projected(
-    observations: &Observations,
+    model: &Model,
     instance: Instance,
     candidate: &Projected,
     judge: &Judge,
 ) -> (f64, f64, f64) {
     let d = candidate.gradient.len();
     let info = instance.term.info();
-    let typical = targets::typical(&observations.mechanism, instance.term, instance.target);
+    let typical = model.typical_at(instance.term, instance.target);
     let norm = norms(candidate);
     let held = |i: usize| {
         if info.penalised { (typical[i] * norm[i]).powi(-2) } else { 0.0 }
@@ -398,14 +397,14 @@ const HALVINGS: i32 = 12;
 /// with the eigenvalues `m_k` of `M` in typical sizes, and `u` along their directions, in units of the noise
 /// as large as it may be beside a shape of this score.
 fn evidence(
-    observations: &Observations,
+    model: &Model,
     instance: Instance,
     candidate: &Projected,
     said: &Said,
     score: f64,
 ) -> f64 {
     let d = candidate.gradient.len();
-    let typical = targets::typical(&observations.mechanism, instance.term, instance.target);
+    let typical = model.typical_at(instance.term, instance.target);
     let square = Mat::from_fn(d, d, |i, j| candidate.square[(i, j)] * typical[i] * typical[j]);
     let gradient: Vec<f64> = candidate.gradient.iter().zip(&typical).map(|(u, t)| u * t).collect();
     let raw: Vec<f64> = candidate.raw.iter().zip(&typical).map(|(r, t)| r * t * t).collect();

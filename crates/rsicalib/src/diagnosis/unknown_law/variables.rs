@@ -187,7 +187,7 @@ pub fn variables(at: &AtFit, rows: &[usize]) -> Result<Vec<Variable>, Error> {
     let session = |row: usize| readings.session_of_pose.get(readings.pose[row]).copied();
     let begins: Vec<bool> =
         (0..rows.len()).map(|p| p == 0 || session(rows[p]) != session(rows[p - 1])).collect();
-    let still = standstills(&observations.mechanism.channels);
+    let still = standstills(&observations.mechanism, &readings.span);
     let moves = readings.moves();
     for (c, theta) in thetas.iter().enumerate().filter(|(_, theta)| finite(theta)) {
         // Of a channel that stands still its noise goes a way, too.
