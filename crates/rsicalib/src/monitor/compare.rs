@@ -432,7 +432,8 @@ impl<'a> Session<'a> {
         if changes.len() + usize::from(far.is_some()) > 1 {
             let now = (watched.at.clone(), std::mem::replace(&mut watched.prior, prior));
             let most = pass.chi2 + AS_WELL;
-            match self.replaced(watched, &before, first).filter(|(it, _)| it.chi2 <= most) {
+            let replaced = self.replaced(watched, (&before, first), turned);
+            match replaced.filter(|(it, _)| it.chi2 <= most) {
                 Some(replaced) => {
                     (pass, changes) = replaced;
                     (far, was) = (None, before);
@@ -467,12 +468,12 @@ impl<'a> Session<'a> {
     }
 
     /// The sensor that was replaced by one with another zero and another gain, if one was; where nothing has changed
-    /// is a `χ²` of `first`.
+    /// is a `χ²` of `first`. The joint that has `turned` is looked for from there.
     fn replaced(
         &self,
         watched: &mut Watched,
-        was: &[f64],
-        first: f64,
+        (was, first): (&[f64], f64),
+        turned: Option<Turned>,
     ) -> Option<(Pass, Vec<Named>)> {
         let of = |watched: &Watched, role: Role| -> Vec<(usize, Option<String>)> {
             let all = watched.candidates.iter().enumerate();
@@ -488,7 +489,8 @@ impl<'a> Session<'a> {
                 continue;
             };
             let both = [offset, *gain];
-            let chi2 = self.settle_far(watched, was, &both.map(named(1.0))).chi2;
+            let from = turned.filter(|one| one.candidate == offset);
+            let chi2 = self.settle_far(watched, was, &both.map(named(1.0)), from).chi2;
             if best.is_none_or(|(best, _)| chi2 < best) {
                 best = Some((chi2, both));
             }
@@ -497,12 +499,24 @@ impl<'a> Session<'a> {
         let tests = watched.candidates.len() as f64;
         let p_value = (self.judged.log_p(first - chi2, 2).exp() * tests).min(1.0);
         let both: Vec<Named> = both.map(named(p_value)).into();
-        Some((self.settle_far(watched, was, &both), both))
+        let from = turned.filter(|one| one.candidate == both[0].candidate);
+        Some((self.settle_far(watched, was, &both, from), both))
     }
 
-    /// The state at the estimates of some changes, from no change on, as long as that brings it nearer.
-    fn settle_far(&self, watched: &mut Watched, was: &[f64], changes: &[Named]) -> Pass {
+    /// The state at the estimates of some changes, from no change on, or from where a joint has turned to, as long as
+    /// that brings it nearer.
+    fn settle_far(
+        &self,
+        watched: &mut Watched,
+        was: &[f64],
+        changes: &[Named],
+        turned: Option<Turned>,
+    ) -> Pass {
         watched.at.copy_from_slice(was);
+        if let Some(Turned { candidate, shift, .. }) = turned {
+            let column = watched.order[watched.candidates[candidate].columns[0]];
+            watched.at[column] += shift;
+        }
         let mut pass = self.settle(watched, was, changes);
         for _ in 0..MOST_CHANGES {
             let nearer = self.settle(watched, was, changes);
