@@ -227,7 +227,8 @@ class Parameter(Estimate, Record, repr=False):
     """Standard deviation of the mean over groups, as of `between.covariance`; null where there are
     none."""
     place: str | None = field(default=None, metadata=IF_KNOWN)
-    """Where a searched term acts: a pose, or another channel."""
+    """Where a searched term acts: a pose, or another channel; `2/1` is pose 1 of session 2, where
+    several sessions have that number."""
     place_interval: tuple[str, ...] | None = field(default=None, metadata=IF_KNOWN)
     """First and last pose at which something may have happened that has acted ever since, 95 %."""
     note: str | None = field(default=None, metadata=IF_KNOWN)
@@ -535,7 +536,8 @@ class Name(Record):
     target: str
     """What the term belongs to."""
     place: str | None = field(default=None, metadata=IF_KNOWN)
-    """Where a searched term acts."""
+    """Where a searched term acts; `2/1` is pose 1 of session 2, where several sessions have that
+    number."""
     label: str | None = field(default=None, metadata=IF_KNOWN)
     """What people call the target."""
 
@@ -590,7 +592,8 @@ class Step(Effect, Record, repr=False):
     parameters: tuple[StepParameter, ...] = ()
     """Estimates."""
     place: str | None = field(default=None, metadata=IF_KNOWN)
-    """Where a searched term acts."""
+    """Where a searched term acts; `2/1` is pose 1 of session 2, where several sessions have that
+    number."""
     label: str | None = field(default=None, metadata=IF_KNOWN)
     """What people call the target."""
     also_fits: tuple[Name, ...] = ()
