@@ -512,14 +512,15 @@ impl<'a> Session<'a> {
         changes: &[Named],
         turned: Option<Turned>,
     ) -> Pass {
-        watched.at.copy_from_slice(was);
+        // What is not known counts from there, too.
+        let mut about = was.to_vec();
         if let Some(Turned { candidate, shift, .. }) = turned {
-            let column = watched.order[watched.candidates[candidate].columns[0]];
-            watched.at[column] += shift;
+            about[watched.order[watched.candidates[candidate].columns[0]]] += shift;
         }
-        let mut pass = self.settle(watched, was, changes);
+        watched.at.copy_from_slice(&about);
+        let mut pass = self.settle(watched, &about, changes);
         for _ in 0..MOST_CHANGES {
-            let nearer = self.settle(watched, was, changes);
+            let nearer = self.settle(watched, &about, changes);
             let done = nearer.chi2 > (1.0 - NEARER) * pass.chi2;
             pass = nearer;
             if done {
