@@ -76,9 +76,9 @@ pub fn forecast(
     let drawn = (0..DRAWS).map(|_| {
         let both = &mean + &root * DVector::from_fn(2 * n, |_, _| random.normal());
         let (error, rate) = (both.rows(0, n), both.rows(n, n));
-        let by_rate = &square * &rate;
+        let by_rate = &square * rate;
         // The mean square of a day t is a + 2 b t + c t².
-        [error.dot(&(&square * &error)), error.dot(&by_rate), rate.dot(&by_rate)]
+        [error.dot(&(&square * error)), error.dot(&by_rate), rate.dot(&by_rate)]
     });
     let drawn: Vec<[f64; 3]> = drawn.collect();
     let mut now: Vec<f64> = drawn.iter().map(|[a, ..]| a.max(0.0).sqrt()).collect();

@@ -210,7 +210,7 @@ impl<'a> Closing<'a> {
         let Some(patch) = self.closure.patches.get(self.group) else { return shaped };
         let place = patch.place(apart);
         let mut steep = [[Lanes::ZERO; 3]; 2];
-        for row in 0..self.closure.equations() {
+        for (row, steep) in steep.iter_mut().enumerate().take(self.closure.equations()) {
             let mut slopes = [Lanes::ZERO; 2];
             for own in self.shapes() {
                 let p = &self.beta[own.first..own.first + own.width];
@@ -220,7 +220,7 @@ impl<'a> Closing<'a> {
                 slopes[0] += by[0] * acts;
                 slopes[1] += by[1] * acts;
             }
-            steep[row] = patch.slope(slopes);
+            *steep = patch.slope(slopes);
         }
         Shaped { place, steep: Some(steep), ..shaped }
     }
@@ -324,10 +324,9 @@ impl<'a> Closing<'a> {
                 self.columns_of_attached(at, sign, *moved_by, &axes, ws);
             }
             End::Unknown(number, _, free) => {
-                let mut column = self.model.unknown_column(*number);
-                for axis in (0..3).filter(|axis| free[*axis]) {
+                let axes = (0..3).filter(|axis| free[*axis]);
+                for (column, axis) in (self.model.unknown_column(*number)..).zip(axes) {
                     self.add_column(at, sign, Source::Parameter(column), &unit(axis), ws);
-                    column += 1;
                 }
             }
             End::Posed(number) => self.columns_of_posed(at, side, *number, ws),
