@@ -174,7 +174,11 @@ def test_a_free_curve_stays_at_its_edge_and_is_known_less_the_further_it_is() ->
         [(tips(value + step * e, edge) - tips(value - step * e, edge)) for e in np.eye(len(value))],
         axis=-1,
     ) / (2 * step)
-    covariance = np.array(found.covariance, dtype=float)
+    # At another placement: the covariance of means over placements, and what changes from one to the next.
+    assert found.between is not None
+    changing = {(p.term, p.target, p.name): p.sd for p in found.between.parameters}
+    shifts = [changing.get((p.term, p.target, p.name), 0.0) for p in found.parameters]
+    covariance = np.array(found.between.covariance, dtype=float) + np.diag(np.square(shifts))
     variance = np.einsum("nik,kl,nil->ni", slopes, covariance, slopes) + (on - held) ** 2
     assert found_at.sd is not None
     # Both are differences: theirs of a hundredth of a standard deviation.
