@@ -174,7 +174,7 @@ def test_a_free_curve_stays_at_its_edge_and_is_known_less_the_further_it_is() ->
         [(tips(value + step * e, edge) - tips(value - step * e, edge)) for e in np.eye(len(value))],
         axis=-1,
     ) / (2 * step)
-    # At another placement: the covariance of means over placements, and what changes from one to the next.
+    # At another placement: by the covariance of means over placements, and by what changes.
     assert found.between is not None
     changing = {(p.term, p.target, p.name): p.sd for p in found.between.parameters}
     shifts = [changing.get((p.term, p.target, p.name), 0.0) for p in found.parameters]

@@ -188,7 +188,7 @@ def test_tracing_says_how_sure_it_is_of_compliance_on_panda_4(folder: Path) -> N
     # Weight at the end, or of the links: for q4 these poses cannot tell the two apart.
     names = [(s.p_value, {s.term, *(n.term for n in s.also_fits)}) for s in found.steps]
     sure = [p for p, terms in names if "joint_compliance" in terms]
-    # By what χ² rises without it where the other effects may take over; three placements tell less than nine.
+    # By what χ² rises without it, where others may take over; three placements tell less than nine.
     assert sure and all(p is not None and p < sized(1e-4, 1e-6) for p in sure)
 
 
