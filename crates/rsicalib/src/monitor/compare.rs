@@ -31,7 +31,6 @@ use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::distributions::{chi2_tail, f_tail};
 use crate::numerics::lanes::WIDTH;
 use crate::readings::Readings;
-use crate::terms::term::Role;
 
 /// Probability that chance alone makes any change of a device.
 pub const CHANGED_LEVEL: f64 = 0.01;
@@ -41,9 +40,6 @@ pub(super) const MOST_CHANGES: usize = 4;
 
 /// Linearisations about the estimate of a change.
 pub(super) const LINEARISATIONS: usize = 4;
-
-/// An estimate is at its end where `χ²` falls by no more than this share of it.
-const NEARER: f64 = 0.01;
 
 /// Rows by which a joint that has turned far is looked for.
 const SOME: usize = 48;
@@ -233,12 +229,15 @@ pub fn compare(
     let rms_misclosure = session.misclosure(&watched);
     let pass = session.pass(&watched, &before, &watched.prior.clone());
     let (chi2_per_dof, p_value) = (pass.chi2 / count, judged.p_value(pass.chi2, count));
+    let prior = watched.prior.clone();
     let Told { pass, mut changes, far, instead, was } = session.told(&mut watched, pass, p_value);
+    watched.prior = prior;
     let told = changes.iter().map(|one| watched.candidates[one.candidate].columns.len());
     let told = told.sum::<usize>() + usize::from(far.is_some());
     let left = judged.p_value(pass.chi2, (count - told as f64).max(1.0));
     changes.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
-    let changed = columns_of(&watched, &changes);
+    let turned = far.iter().flat_map(|one| watched.candidates[one.candidate].columns.clone());
+    let changed: Vec<usize> = columns_of(&watched, &changes).into_iter().chain(turned).collect();
     let found = changes.into_iter().map(|Named { candidate: k, p_value, also_fits }| {
         let (values, covariance, alone) = difference(&watched, &pass, &was, &changed, k);
         let candidate = &watched.candidates[k];
@@ -250,9 +249,17 @@ pub fn compare(
     let far = far.map(|Turned { candidate, shift, sd, .. }| {
         let ([term, target], own) = (name(&watched, candidate), &watched.candidates[candidate]);
         let (parameter, unit) = own.parameters[0].clone();
-        let change = Change { name: parameter.into(), value: shift, sd, unit: unit.clone() };
+        let (size, sd) = match own.columns[0] < pass.state.size {
+            true => {
+                let (more, covariance, _) = difference(&watched, &pass, &was, &changed, candidate);
+                let scale = watched.scale[own.columns[0]];
+                (shift + more[0] * scale, covariance[(0, 0)].sqrt() * scale)
+            }
+            false => (shift, sd),
+        };
+        let change = Change { name: parameter.into(), value: size, sd, unit: unit.clone() };
         let platform_rms = seen.change(&watched, noise, &before, &was);
-        let (size, parameters, also_fits) = (shift, vec![change], instead);
+        let (parameters, also_fits) = (vec![change], instead);
         Found { term, target, size, sd, unit, parameters, p_value, platform_rms, also_fits }
     });
     let changes = far.into_iter().chain(found).collect();
@@ -335,6 +342,12 @@ impl<'a> Session<'a> {
     fn take(&self, watched: &mut Watched, was: &mut Vec<f64>, turned: Turned) -> Pass {
         let mut prior = std::mem::take(&mut watched.prior);
         turned.go_on(watched, &mut prior);
+        // How far is estimated again beside what else has changed: a sensor that was replaced has another gain, too.
+        let (position, size) =
+            (watched.candidates[turned.candidate].columns[0], prior.len().isqrt());
+        if position < size {
+            prior[position * (size + 1)] += UNKNOWN.powi(2);
+        }
         watched.prior = prior;
         was.clone_from(&watched.at);
         self.settle(watched, was, &[])
@@ -393,8 +406,7 @@ impl<'a> Session<'a> {
 
     /// What has changed, where no change leaves this `pass`, more than which chance makes with probability `p_value`.
     fn told(&self, watched: &mut Watched, mut pass: Pass, p_value: f64) -> Told {
-        let (before, prior, first) = (watched.at.clone(), watched.prior.clone(), pass.chi2);
-        let mut was = before.clone();
+        let (mut was, first) = (watched.at.clone(), pass.chi2);
         let turned = (p_value <= CHANGED_LEVEL).then(|| self.turned(watched)).flatten();
         let hardly = |one: &Turned| one.squares <= LINEAR * LINEAR * first;
         // What has turned far is taken as it is: the others are linearised about it.
@@ -429,21 +441,6 @@ impl<'a> Session<'a> {
             pass = self.take(watched, &mut was, one);
             far = Some(one);
         }
-        if changes.len() + usize::from(far.is_some()) > 1 {
-            let now = (watched.at.clone(), std::mem::replace(&mut watched.prior, prior));
-            let most = pass.chi2 + AS_WELL;
-            let replaced = self.replaced(watched, (&before, first), turned);
-            match replaced.filter(|(it, _)| it.chi2 <= most) {
-                Some(replaced) => {
-                    (pass, changes) = replaced;
-                    (far, was) = (None, before);
-                }
-                None => {
-                    (watched.at, watched.prior) = now;
-                    pass = self.settle(watched, &was, &changes);
-                }
-            }
-        }
         Told { pass, changes, far, instead, was }
     }
 
@@ -465,69 +462,6 @@ impl<'a> Session<'a> {
             tried.extend(changes.iter().map(|one| one.candidate));
         }
         (pass, changes)
-    }
-
-    /// The sensor that was replaced by one with another zero and another gain, if one was; where nothing has changed
-    /// is a `χ²` of `first`. The joint that has `turned` is looked for from there.
-    fn replaced(
-        &self,
-        watched: &mut Watched,
-        (was, first): (&[f64], f64),
-        turned: Option<Turned>,
-    ) -> Option<(Pass, Vec<Named>)> {
-        let of = |watched: &Watched, role: Role| -> Vec<(usize, Option<String>)> {
-            let all = watched.candidates.iter().enumerate();
-            let own = all.filter(|(_, one)| one.role() == Some(role));
-            own.map(|(k, one)| (k, one.spec.target.clone())).collect()
-        };
-        let named =
-            |p_value: f64| move |candidate| Named { candidate, p_value, also_fits: Vec::new() };
-        let mut best: Option<(f64, [usize; 2])> = None;
-        let gains = of(watched, Role::Gain);
-        for (offset, target) in of(watched, Role::Offset) {
-            let Some((gain, _)) = gains.iter().find(|(_, other)| *other == target) else {
-                continue;
-            };
-            let both = [offset, *gain];
-            let from = turned.filter(|one| one.candidate == offset);
-            let chi2 = self.settle_far(watched, was, &both.map(named(1.0)), from).chi2;
-            if best.is_none_or(|(best, _)| chi2 < best) {
-                best = Some((chi2, both));
-            }
-        }
-        let (chi2, both) = best?;
-        let tests = watched.candidates.len() as f64;
-        let p_value = (self.judged.log_p(first - chi2, 2).exp() * tests).min(1.0);
-        let both: Vec<Named> = both.map(named(p_value)).into();
-        let from = turned.filter(|one| one.candidate == both[0].candidate);
-        Some((self.settle_far(watched, was, &both, from), both))
-    }
-
-    /// The state at the estimates of some changes, from no change on, or from where a joint has turned to, as long as
-    /// that brings it nearer.
-    fn settle_far(
-        &self,
-        watched: &mut Watched,
-        was: &[f64],
-        changes: &[Named],
-        turned: Option<Turned>,
-    ) -> Pass {
-        // What is not known counts from there, too.
-        let mut about = was.to_vec();
-        if let Some(Turned { candidate, shift, .. }) = turned {
-            about[watched.order[watched.candidates[candidate].columns[0]]] += shift;
-        }
-        watched.at.copy_from_slice(&about);
-        let mut pass = self.settle(watched, &about, changes);
-        for _ in 0..MOST_CHANGES {
-            let nearer = self.settle(watched, &about, changes);
-            let done = nearer.chi2 > (1.0 - NEARER) * pass.chi2;
-            pass = nearer;
-            if done {
-                break;
-            }
-        }
-        pass
     }
 
     /// Chooses each change again, and gives the state at the estimates of those that are left.

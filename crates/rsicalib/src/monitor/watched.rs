@@ -60,11 +60,6 @@ pub(crate) struct Candidate {
 }
 
 impl Candidate {
-    /// What it is to its channel.
-    pub(crate) fn role(&self) -> Option<Role> {
-        terms::find(&self.spec.term).ok().map(|term| term.role())
-    }
-
     /// True for a change that is beyond all proportion; a joint may turn by any angle.
     pub(crate) fn is_absurd(&self, values: &DVector<f64>) -> bool {
         let times = values.iter().zip(&self.typical).map(|(value, typical)| value.abs() / typical);
