@@ -167,7 +167,7 @@ def test_a_change_has_the_size_and_the_error_of_generalised_least_squares(seed: 
     assert "an update is worth it" in after.update.text
 
 
-def test_a_sensor_that_was_replaced_is_no_bent_link() -> None:
+def test_a_sensor_that_was_replaced_is_named_and_nothing_beyond_all_proportion() -> None:
     made = rsicalib.simulate(poses=40, samples=4, seed=77)
     before = rsicalib.calibrate(made.readings, rest=made.rest)
     gains, offsets = made.device.gains.copy(), made.device.offsets.copy()
@@ -178,5 +178,8 @@ def test_a_sensor_that_was_replaced_is_no_bent_link() -> None:
     values[:, 7] = np.round((angle + 0.6) / (0.95 * gains[7]) - offsets[7] / gains[7])
     after = rsicalib.calibrate(replace(later.readings, values=values), calibration=before)
     assert after.update is not None
-    assert {c.target for c in after.update.changes} <= {"a32"}
+    told = {(c.term, c.target): c for c in after.update.changes}
+    assert {("offset", "a32"), ("gain", "a32")} <= told.keys()
+    # Links are 3 to 4 in long: 30 typical sizes are below that.
+    assert all(abs(c.size) < 3.0 for c in told.values() if c.unit == "in")
     assert {p.target for p in after.moved} == {"a32"}
