@@ -21,7 +21,7 @@ pub struct Workspace {
     pub f: Vec<Lanes>,
     /// `A`: equation by equation, one entry per channel.
     pub a: Vec<Lanes>,
-    /// `X`: equation by equation, one entry per column of [`Model::columns`].
+    /// `X`: equation by equation, one entry per column of [`Model::columns`](crate::model::Model::columns).
     pub x: Vec<Lanes>,
     /// `B = ∂f/∂ξ` by what is unknown in one pose alone: equation by equation.
     pub b: Vec<Lanes>,
