@@ -40,6 +40,7 @@ use crate::apply::unseen::Unseen;
 use crate::mechanism::Mechanism;
 use crate::model::{Spec, instances_of, is_unknown_thing};
 use crate::numerics::draws::{Draws, square_root};
+use crate::numerics::order;
 use crate::readings::{Readings, Table};
 use crate::terms;
 use crate::terms::targets::provided;
@@ -542,7 +543,7 @@ impl Places {
             Share { effect: Some(effect.name.clone()), ..Share::new(UNSEEN, u, by_check) }
         };
         let mut unseen: Vec<Share> = self.effects.iter().map(of_effect).collect();
-        unseen.sort_by(|a, b| b.u.total_cmp(&a.u));
+        order::descending(&mut unseen, |a| a.u);
         let others: f64 = unseen.iter().skip(ROWS).map(|s| s.u * s.u).sum();
         unseen.truncate(ROWS);
         shares.extend(unseen);
@@ -683,7 +684,7 @@ fn sum(by: &DMatrix<f64>, i: usize, first: usize, causes: &[f64]) -> f64 {
 /// Quantile of draws with weights.
 fn quantile(draws: &[Drawn], of: impl Fn(&Drawn) -> f64, p: f64) -> f64 {
     let mut sorted: Vec<[f64; 2]> = draws.iter().map(|drawn| [of(drawn), drawn.weight]).collect();
-    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    order::ascending(&mut sorted, |a| a[0]);
     let whole: f64 = sorted.iter().map(|[_, weight]| weight).sum();
     let mut below = 0.0;
     let at = sorted.iter().find(|[_, weight]| {

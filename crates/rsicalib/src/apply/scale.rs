@@ -78,6 +78,7 @@ impl Sizes {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numerics::order;
 
     /// Sum of squares of errors at known poses: of some independent causes, each with its coordinates, and noise.
     fn sum(by: &[[f64; 6]], causes: &[f64], noise: [f64; 6]) -> f64 {
@@ -115,7 +116,7 @@ mod tests {
                         [times * error.abs(), sizes.weight(made)]
                     })
                     .collect();
-                all.sort_by(|a, b| a[0].total_cmp(&b[0]));
+                order::ascending(&mut all, |a| a[0]);
                 let mut left = 0.95 * all.iter().map(|[_, weight]| weight).sum::<f64>();
                 let within = all.iter().find(|[_, weight]| {
                     left -= weight;

@@ -1,6 +1,7 @@
 //! What each pose of a plan is visited for, and whether it is worth it.
 
 use crate::design::contest::DECIDED;
+use crate::numerics::order;
 
 /// What poses must bring together to `λ`, a growth of χ², to be more than its noise of one.
 const SEEN: f64 = 1.0;
@@ -63,7 +64,7 @@ pub(crate) fn worth(purposes: &[Purpose]) -> Vec<bool> {
         false => (purposes.iter().map(Purpose::share).collect(), BETTER),
     };
     let mut order: Vec<usize> = (0..purposes.len()).collect();
-    order.sort_by(|&a, &b| brings[a].total_cmp(&brings[b]));
+    order::ascending(&mut order, |&a| brings[a]);
     let (mut together, mut worth) = (0.0, vec![false; purposes.len()]);
     for k in order {
         together += brings[k];

@@ -6,6 +6,7 @@ use crate::design::contest::{Contest, DECIDED, Field, Rival};
 use crate::design::linearised::{Linearised, Whitened};
 use crate::design::purpose::Purpose;
 use crate::estimate::Fit;
+use crate::numerics::order;
 use crate::numerics::symmetric::Unseen;
 use crate::numerics::workers;
 
@@ -139,6 +140,6 @@ pub(crate) fn most_telling(contest: &Contest, rows: &[Whitened], count: usize) -
     let field = Field::new(contest, rows);
     let score = |k: usize| field.criterion(k);
     let mut scored: Vec<(f64, usize)> = workers::map(0..field.len(), |k| (score(k), k));
-    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+    order::ascending(&mut scored, |a| a.0);
     scored.into_iter().take(count).map(|(_, k)| k).collect()
 }

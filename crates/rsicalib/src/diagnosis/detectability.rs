@@ -17,6 +17,7 @@ use crate::estimate::conventions::OPENED;
 use crate::estimate::directions::{as_reported, place, unit};
 use crate::estimate::{Fit, Observations, carry_over, conventions_of};
 use crate::model::Instance;
+use crate::numerics::order;
 use crate::numerics::rank::Spaces;
 use crate::numerics::symmetric::{VISIBLE, eigenvalues};
 use crate::numerics::workers;
@@ -196,9 +197,6 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
     let (mut hidden, sizes): (Vec<Detectability>, Vec<Option<f64>>) =
         workers::map(all, of_one).into_iter().flatten().unzip();
     weigh(hidden.iter_mut().map(|h| &mut h.unseen), &sizes);
-    hidden.sort_by(|a, b| {
-        let of = |h: &Detectability| h.platform_rms.map_or(0.0, |p| p.position);
-        of(b).total_cmp(&of(a))
-    });
+    order::descending(&mut hidden, |h| h.platform_rms.map_or(0.0, |p| p.position));
     Ok(hidden)
 }

@@ -25,6 +25,7 @@ use crate::estimate::{
     place_untouched,
 };
 use crate::model::{Instance, bound_to_session};
+use crate::numerics::order;
 use crate::numerics::workers;
 use crate::readings::{along, ascending};
 use crate::terms::term::{Acts, Placed};
@@ -165,7 +166,7 @@ pub fn elsewhere(
     let mut applied = with(&applies)?;
     // The effect without which most is gained goes first.
     let mut order: Vec<usize> = (0..effects.len()).filter(|k| applies[*k] && !given[*k]).collect();
-    order.sort_by(|a, b| each[*a].total_cmp(&each[*b]));
+    order::ascending(&mut order, |a| each[*a]);
     for k in order.into_iter().filter(|_| !search.apply_all) {
         let (error, fewer) = without_one(&applies, k)?;
         if error <= applied {

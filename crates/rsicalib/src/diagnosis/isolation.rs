@@ -19,6 +19,7 @@ use crate::estimate::noise::source::LEAST_DOF;
 use crate::estimate::{Fit, Observations, fit};
 use crate::mechanism::{Mechanism, Target};
 use crate::numerics::credible_set::{SURE, probabilities};
+use crate::numerics::order;
 use crate::numerics::symmetric::dot;
 use crate::numerics::workers;
 
@@ -70,7 +71,7 @@ pub fn isolate<'a>(
         let released = workers::map(kind, |target| Released::of(observations, start, target));
         let released: Vec<Option<Released>> = released.into_iter().collect::<Result<_, _>>()?;
         let mut able: Vec<Released> = released.into_iter().flatten().collect();
-        able.sort_by(|a, b| a.left().total_cmp(&b.left()));
+        order::ascending(&mut able, |a| a.left());
         able.truncate(LIKELY);
         let alone = |mut it: Released<'a>| -> Result<_, Error> {
             let alone = it.closes(judge)? && !it.needs_more(judge, search)?;

@@ -4,6 +4,7 @@ use faer::{Mat, Side};
 
 use crate::apply::unseen::Unseen;
 use crate::diagnosis::score::projection::Projected;
+use crate::numerics::order;
 
 /// Effects that are together less than this part of the variance at the session's own poses are left
 /// out.
@@ -86,7 +87,7 @@ pub(crate) fn weigh<'a>(
         shares.push((k, unseen.probability, share));
     }
     let whole: f64 = shares.iter().filter_map(|(.., share)| *share).sum();
-    shares.sort_by(|a, b| a.2.unwrap_or(f64::MAX).total_cmp(&b.2.unwrap_or(f64::MAX)));
+    order::ascending(&mut shares, |a| a.2.unwrap_or(f64::MAX));
     let mut left = 0.0;
     for (k, probability, share) in shares {
         left += share.unwrap_or(0.0);

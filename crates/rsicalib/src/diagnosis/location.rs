@@ -1,6 +1,7 @@
 //! When and where what is left lies: in which poses, at which readings, from which side.
 
 use crate::diagnosis::trace::Traced;
+use crate::numerics::order;
 
 /// Parts into which the session, and the range of a channel, are divided.
 const PARTS: usize = 6;
@@ -57,7 +58,7 @@ pub fn location(traced: &Traced, channel: usize) -> Location {
         (labels, share)
     });
     let mut by_reading: Vec<&Wrong> = errors.iter().collect();
-    by_reading.sort_by(|a, b| a.reading.total_cmp(&b.reading));
+    order::ascending(&mut by_reading, |a| a.reading);
     let readings = dense_of(&by_reading)
         .map(|(first, last, share)| ([by_reading[first].reading, by_reading[last].reading], share));
     let pull: f64 = errors.iter().map(|e| e.side * e.pull).sum();

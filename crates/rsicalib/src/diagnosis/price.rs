@@ -23,7 +23,6 @@
 //! differs from pose to pose, but what its author allows a loop to be open, and what explains a part
 //! of that explains nothing that was asked for.
 
-use std::cmp::Ordering;
 use std::sync::LazyLock;
 
 /// Kinds of candidates, each with its prior.
@@ -139,10 +138,10 @@ static AMPLITUDES: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
 /// Prices that differ by less are one: only rounding decides between them.
 const ALIKE: f64 = 1e-3;
 
-/// The order of prices. What costs the same stays in the order in which it was found, on every processor.
-pub(crate) fn by_price(a: f64, b: f64) -> Ordering {
-    let [a, b] = [a, b].map(|price| (price / ALIKE).round());
-    a.total_cmp(&b)
+/// A price by which explanations are sorted. What costs the same stays in the order in which it was found, on every
+/// processor.
+pub(crate) fn in_steps(price: f64) -> f64 {
+    (price / ALIKE).round()
 }
 
 /// `-2 ln` of the mean of `exp(-price/2)`, each with its weight.
@@ -241,13 +240,14 @@ impl Said {
 
 #[cfg(test)]
 mod tests {
-    use super::{Data, Scale, by_price};
+    use super::{Data, Scale, in_steps};
+    use crate::numerics::order;
 
     #[test]
     fn what_rounding_alone_tells_apart_stays_in_its_order() {
         let mut prices =
             [(3.0, 'a'), (1.0 + 1e-12, 'b'), (1.0, 'c'), (1.0 - 1e-12, 'd'), (0.9, 'e')];
-        prices.sort_by(|a, b| by_price(a.0, b.0));
+        order::ascending(&mut prices, |a| in_steps(a.0));
         assert_eq!(prices.map(|(_, name)| name), ['e', 'b', 'c', 'd', 'a']);
     }
 

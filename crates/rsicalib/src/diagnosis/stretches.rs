@@ -22,6 +22,7 @@ use crate::estimate::settle::Room;
 use crate::estimate::{Fit, Implicit, LONG, Observations, Part};
 use crate::model::Instance;
 use crate::numerics::lanes::Lanes;
+use crate::numerics::order;
 use crate::readings::Readings;
 use crate::readings::course::pause;
 use crate::terms::term::{ORDER_STEP, ORDERS, Placed};
@@ -259,7 +260,7 @@ pub fn bad_rows(observations: &Observations, fit: &Fit) -> Vec<usize> {
         }
     };
     let mut found = problem.over_blocks(&fit.beta, |_| true, look, |all, part| all.extend(part));
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    order::descending(&mut found, |a| a.0);
     found.truncate(MOST_APART);
     let mut rows: Vec<usize> = found.into_iter().map(|(_, row)| row).collect();
     rows.sort_unstable();

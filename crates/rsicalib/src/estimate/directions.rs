@@ -10,6 +10,7 @@ use crate::estimate::sparse::{LISTED, Row, reduced};
 use crate::model::{Instance, Spec, place_name};
 #[cfg(feature = "serde")]
 use crate::numerics::nullable;
+use crate::numerics::order;
 use crate::numerics::symmetric::{RANK, Unit, is_seen};
 use crate::terms::term::{Placed, Role};
 
@@ -158,7 +159,7 @@ fn direction(
     length: &dyn Fn(usize) -> f64,
 ) -> Direction {
     let mut along: Vec<(usize, f64)> = row.iter().copied().enumerate().collect();
-    along.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+    order::descending(&mut along, |a| a.1.abs());
     let most = along[0].1.abs();
     if let Some(place) = held.and_then(|held| along.iter().position(|(i, _)| *i == held)) {
         let held = along.remove(place);
@@ -213,7 +214,7 @@ pub(crate) fn describe(gram: &Mat<f64>, names: &[Label]) -> Directions {
         }
         // Change of each parameter along this direction, per unit of data.
         let mut along: Vec<(usize, f64)> = (0..live.len()).map(|i| (i, vectors[(i, k)])).collect();
-        along.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        order::descending(&mut along, |a| a.1.abs());
         let (first, largest) = along[0];
         if !largest.is_finite() {
             break;

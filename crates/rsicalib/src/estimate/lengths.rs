@@ -6,6 +6,7 @@ use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Closes, Measure, Suspicion};
 use crate::mechanism::{Mechanism, Value};
+use crate::numerics::order;
 
 /// Units of length in each other.
 pub(crate) const UNITS: [f64; 5] = [10.0, 25.4, 100.0 / 2.54, 100.0, 1000.0];
@@ -53,7 +54,7 @@ fn place(mechanism: &mut Mechanism, measure: Measure) -> Option<&mut f64> {
 /// The shortest and the longest length, and by what either would be among the others.
 fn apart(lengths: &[(Measure, f64)]) -> Vec<(Measure, f64, f64)> {
     let mut sorted = lengths.to_vec();
-    sorted.sort_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    order::ascending(&mut sorted, |a| a.1.abs());
     let mut out = Vec::new();
     for (own, others) in [
         (sorted.first(), sorted.get(1..)),

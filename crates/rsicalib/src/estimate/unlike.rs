@@ -16,6 +16,7 @@ use crate::estimate::miswired::DECISIVE;
 use crate::estimate::suspicion::Suspicion;
 use crate::mechanism::Mechanism;
 use crate::model::Thing;
+use crate::numerics::order;
 
 /// An anchor: the channel that reads the distance to it, and where it is drawn and found.
 struct Anchor {
@@ -46,7 +47,7 @@ pub(crate) fn exchanged(fit: &Fit) -> Option<Suspicion> {
     let declared = off(&named);
     let mut likely: Vec<(f64, [usize; 2])> = pairs.map(with).collect();
     likely.retain(|(with, _)| *with < declared / DECISIVE);
-    likely.sort_by(|a, b| a.0.total_cmp(&b.0));
+    order::ascending(&mut likely, |a| a.0);
     let (least, _) = *likely.first()?;
     let pairs = (n * (n - 1)) as f64 / 2.0;
     Some(Suspicion::Unlike {

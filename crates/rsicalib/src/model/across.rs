@@ -21,6 +21,7 @@ use crate::model::compiled::Model;
 use crate::model::near::{Near, RANK};
 use crate::model::workspace::Workspace;
 use crate::numerics::lanes::{Lanes, WIDTH};
+use crate::numerics::order;
 use crate::readings::Readings;
 
 /// Step by which `q` is differentiated, in radians, and in parts of lengths.
@@ -116,7 +117,7 @@ impl Way {
         let b = &b * DMatrix::from_diagonal(&units);
         let eigen = (b.transpose() * &b).symmetric_eigen();
         let mut order: Vec<usize> = (0..n).collect();
-        order.sort_by(|i, j| eigen.eigenvalues[*i].total_cmp(&eigen.eigenvalues[*j]));
+        order::ascending(&mut order, |i| eigen.eigenvalues[*i]);
         let told = eigen.eigenvalues[order[0]] > RANK * RANK * eigen.eigenvalues[order[n - 1]];
         let sorted = eigen.eigenvectors.select_columns(&order);
         let moved = &b * &sorted;

@@ -20,6 +20,7 @@ use crate::model::compiled::{CompiledClosure, Model};
 use crate::model::ends::End;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::Lanes;
+use crate::numerics::order;
 use crate::readings::Readings;
 
 /// Samples are looked at in so many blocks, spread over the session.
@@ -191,7 +192,7 @@ impl Slopes {
     fn directions(&self) -> Option<(DMatrix<f64>, usize)> {
         let eigen = self.gram.clone().symmetric_eigen();
         let mut order: Vec<usize> = (0..self.f.len()).collect();
-        order.sort_by(|&i, &j| eigen.eigenvalues[i].total_cmp(&eigen.eigenvalues[j]));
+        order::ascending(&mut order, |&i| eigen.eigenvalues[i]);
         let least = NULL * eigen.eigenvalues.max();
         let count = eigen.eigenvalues.iter().filter(|value| **value < least).count();
         (count > 0).then(|| (eigen.eigenvectors.select_columns(&order), count))
@@ -222,7 +223,7 @@ fn turned(closure: &CompiledClosure, redundant: &mut [DMatrix<f64>]) -> Vec<[f64
     });
     let eigen = squares.symmetric_eigen();
     let mut order: Vec<usize> = (0..n).collect();
-    order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
+    order::descending(&mut order, |&i| eigen.eigenvalues[i]);
     let turn = eigen.eigenvectors.select_columns(&order).transpose();
     for base in redundant {
         let own = &turn * base.rows(first, n);

@@ -29,6 +29,7 @@ use crate::monitor::compare::{
 };
 use crate::monitor::covariance::inverse;
 use crate::monitor::watched::displacement;
+use crate::numerics::order;
 use crate::terms::term::Outlasts;
 
 /// What both results determine.
@@ -72,7 +73,7 @@ pub fn compare_results(
     let numbers: Vec<usize> = changes.iter().map(|one| one.candidate).collect();
     let (_, left) = left_by(&numbers);
     let (values, spread) = both.estimates(&numbers);
-    changes.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
+    order::ascending(&mut changes, |a| a.p_value);
     let found =
         changes.into_iter().map(|one| both.found(one, (&values, &spread), (observations, fit)));
     let (rms_misclosure, changes) = (both.misclosure(observations, fit), found.collect());
@@ -161,7 +162,7 @@ impl Both {
                 ranked.push(Ranked { candidate, fit: all - rest, log_p, p_value });
             }
         }
-        ranked.sort_by(|a, b| a.log_p.total_cmp(&b.log_p));
+        order::ascending(&mut ranked, |a| a.log_p);
         Named::first(&ranked, |term| self.name(term))
     }
 

@@ -30,6 +30,7 @@ use crate::monitor::windows::{Sums, Windows};
 use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::distributions::{chi2_tail, f_tail};
 use crate::numerics::lanes::WIDTH;
+use crate::numerics::order;
 use crate::readings::Readings;
 
 /// Probability that chance alone makes any change of a device.
@@ -235,7 +236,7 @@ pub fn compare(
     let told = changes.iter().map(|one| watched.candidates[one.candidate].columns.len());
     let told = told.sum::<usize>() + usize::from(far.is_some());
     let left = judged.p_value(pass.chi2, (count - told as f64).max(1.0));
-    changes.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
+    order::ascending(&mut changes, |a| a.p_value);
     let turned = far.iter().flat_map(|one| watched.candidates[one.candidate].columns.clone());
     let changed: Vec<usize> = columns_of(&watched, &changes).into_iter().chain(turned).collect();
     let found = changes.into_iter().map(|Named { candidate: k, p_value, also_fits }| {
@@ -496,7 +497,7 @@ impl<'a> Session<'a> {
                 ranked.push(Ranked { candidate: number, fit, log_p, p_value });
             }
         }
-        ranked.sort_by(|a, b| a.log_p.total_cmp(&b.log_p));
+        order::ascending(&mut ranked, |a| a.log_p);
         ranked
     }
 

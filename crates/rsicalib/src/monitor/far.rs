@@ -16,6 +16,7 @@ use crate::monitor::thresholds::log_tail;
 use crate::monitor::watching::{CONFIRMED, Monitor, Tested};
 use crate::monitor::weighing::{ALL, UNNAMED};
 use crate::numerics::lanes::WIDTH;
+use crate::numerics::order;
 
 /// Angle (rad) from which linearised estimates are off by a fortieth: a change by less is named by these.
 pub(super) const LINEAR: f64 = 0.05;
@@ -58,7 +59,7 @@ impl Monitor {
         let mut turned: Vec<Turned> =
             self.watched.turning().into_iter().map(|k| self.turn(k, rows)).collect();
         turned.retain(|one| !self.leaves_of(one.squares, dof - 1.0));
-        turned.sort_by(|a, b| a.squares.total_cmp(&b.squares));
+        order::ascending(&mut turned, |a| a.squares);
         let best = *turned.first()?;
         let as_well = turned[1..].iter();
         let as_well =
@@ -165,7 +166,7 @@ impl Monitor {
                 found.push((squares, size.sqrt(), candidate));
             }
         }
-        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        order::ascending(&mut found, |a| a.0);
         found
     }
 

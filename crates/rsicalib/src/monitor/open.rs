@@ -23,6 +23,7 @@ use crate::monitor::alarm::Alarm;
 use crate::monitor::state::State;
 use crate::monitor::watched::Watched;
 use crate::numerics::credible_set::AS_WELL;
+use crate::numerics::order;
 
 /// A change whose name is open.
 #[derive(Debug, Clone)]
@@ -239,7 +240,7 @@ impl Open {
         });
         let mut names: Vec<Name> =
             self.kinds().map(Kinds::from).chain(pairs).filter_map(name).collect();
-        names.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        order::descending(&mut names, |a| a.evidence);
         names
     }
 

@@ -3,6 +3,7 @@
 use crate::monitor::thresholds::log_tail;
 use crate::monitor::watching::Monitor;
 use crate::monitor::windows::Sums;
+use crate::numerics::order;
 
 /// The best onset of a candidate.
 #[derive(Debug, Clone, Copy)]
@@ -41,7 +42,7 @@ impl Monitor {
             }
             all.extend(best);
         }
-        all.sort_by(|a, b| a.log_p.total_cmp(&b.log_p));
+        order::ascending(&mut all, |a| a.log_p);
         all
     }
 }

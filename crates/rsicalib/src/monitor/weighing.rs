@@ -26,6 +26,7 @@ use crate::monitor::watching::{Monitor, Tested};
 use crate::monitor::windows::Sums;
 use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::distributions::poisson_tail;
+use crate::numerics::order;
 
 /// Candidates and pairs within this of the best are estimated together: where a change is large, it
 /// looks different about its estimate.
@@ -273,7 +274,7 @@ impl Monitor {
                 found.push((kinds, evidence, (squares - fit).max(0.0)));
             }
         }
-        found.sort_by(|a, b| b.1.total_cmp(&a.1));
+        order::descending(&mut found, |a| a.1);
         found
     }
 

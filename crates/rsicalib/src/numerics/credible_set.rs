@@ -1,5 +1,7 @@
 //! Probabilities of several explanations, and what counts as a rival.
 
+use crate::numerics::order;
+
 /// An effect fits as well as the named one where its refitted χ², with extra parameters charged,
 /// is within this of the best.
 pub const AS_WELL: f64 = 6.0;
@@ -27,7 +29,7 @@ pub fn probabilities<T: PartialEq + Copy>(scores: &[(f64, T)]) -> Vec<(T, f64)> 
     }
     let all: f64 = targets.iter().map(|t| t.1).sum();
     targets.iter_mut().for_each(|t| t.1 /= all);
-    targets.sort_by(|a, b| b.1.total_cmp(&a.1));
+    order::descending(&mut targets, |a| a.1);
     targets
 }
 

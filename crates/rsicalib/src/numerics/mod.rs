@@ -16,6 +16,7 @@ pub(crate) mod normal_equations;
 pub(crate) mod normals;
 #[cfg(feature = "serde")]
 pub(crate) mod nullable;
+pub(crate) mod order;
 pub mod profile;
 pub mod random;
 pub mod rank;

@@ -1,5 +1,6 @@
 //! An order of rows that does not depend on where they stand in a file.
 
+use crate::numerics::order;
 use crate::numerics::symmetric::eigenvalues;
 
 /// Place of each row along the direction in which rows vary most, each channel in parts of what it
@@ -35,7 +36,7 @@ pub(crate) fn along<'a>(rows: impl Iterator<Item = &'a [f64]> + Clone) -> Vec<f6
 /// Numbers of rows in the order of their places.
 pub(crate) fn ascending(places: &[f64]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..places.len()).collect();
-    order.sort_by(|a, b| places[*a].total_cmp(&places[*b]));
+    order::ascending(&mut order, |a| places[*a]);
     order
 }
 

@@ -23,6 +23,7 @@ use crate::estimate::{Fit, Implicit, Note, Observations, Part, fit, with_groups}
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::monitor::closing::OpenLoops;
+use crate::numerics::order;
 use crate::report::beside::{Beside, GroupsReport};
 use crate::report::result::{self, Estimates, FitReport, WithExcluded, estimates, excluded};
 use crate::report::trace_report::{
@@ -383,7 +384,7 @@ fn rivals_of(traced: &Traced) -> Vec<RivalReport> {
         }
         let terms = with_law(traced, law);
         all.push(RivalReport { terms, chi2_penalised: law.price, probability: 0.0 });
-        all.sort_by(|a, b| a.chi2_penalised.total_cmp(&b.chi2_penalised));
+        order::ascending(&mut all, |a| a.chi2_penalised);
         let least = all[0].chi2_penalised;
         let likely = |one: &RivalReport| (0.5 * (least - one.chi2_penalised)).exp();
         let sum: f64 = all.iter().map(likely).sum();

@@ -18,6 +18,7 @@ use crate::estimate::{Fit, Observations};
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::AS_WELL;
+use crate::numerics::order;
 use crate::numerics::search::{edge, highest};
 use crate::readings::Block;
 use crate::terms::term::Over;
@@ -90,7 +91,7 @@ pub(crate) fn curve_law(
     let fitted = FORMS.iter().filter(there).map(|form| Fitted::new(&scale, form));
     let waves = room.score(WAVES, |x, out| any((x - room.low) / (room.high - room.low), out));
     let mut laws: Vec<Fitted> = fitted.filter(|law| law.left(&waves, judge) > LEFT).collect();
-    laws.sort_by(|a, b| b.value.total_cmp(&a.value));
+    order::descending(&mut laws, |a| a.value);
     let Some(first) = laws.first() else {
         let text = "no closed form that is known here is its law".into();
         return Some(CurveLaw { form: None, text, parameters: Vec::new(), also_fits: Vec::new() });

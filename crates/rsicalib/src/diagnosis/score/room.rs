@@ -8,6 +8,7 @@ use faer::Mat;
 use crate::estimate::angles::Angles;
 use crate::estimate::at_fit::{AtFit, Column};
 use crate::numerics::lanes::dispatch;
+use crate::numerics::order;
 use crate::numerics::symmetric::{VISIBLE, dot, invert};
 
 /// A column of which less than this part is left beside the fit is absorbed.
@@ -48,7 +49,7 @@ impl Room {
         mut samples: Vec<(f64, usize)>,
         most: usize,
     ) -> Option<Self> {
-        samples.sort_by(|a, b| a.0.total_cmp(&b.0));
+        order::ascending(&mut samples, |a| a.0);
         let (low, high) = (samples.first()?.0, samples.last()?.0);
         if !(high > low && high - low < f64::INFINITY) {
             return None;

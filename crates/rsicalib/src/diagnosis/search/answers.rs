@@ -6,7 +6,7 @@ use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::isolation::{Isolated, belongs, isolate, isolated_at};
 use crate::diagnosis::options::Rule;
 use crate::diagnosis::plausibility::absurdities;
-use crate::diagnosis::price::{Family, by_price, prior};
+use crate::diagnosis::price::{Family, in_steps, prior};
 use crate::diagnosis::score::scored::{self, Scored, excluded_pose, is_data};
 use crate::diagnosis::search::account::Account;
 use crate::diagnosis::search::beam::Beam;
@@ -18,6 +18,7 @@ use crate::estimate::{Fit, fit};
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::AS_WELL;
+use crate::numerics::order;
 use crate::numerics::workers;
 use crate::screening::blame::Blame;
 use crate::terms::term::{Acts, Class};
@@ -160,7 +161,7 @@ impl Beam<'_, '_> {
             .filter(|one| as_well(one) && one.1.instance != own)
             .map(|(account, s)| (*account, s.instance))
             .collect();
-        near.sort_by(|a, b| by_price(a.0.price, b.0.price));
+        order::ascending(&mut near, |(account, _)| in_steps(account.price));
         let mut also: Vec<Instance> = near.iter().map(|(_, i)| *i).collect();
         for other in self.across_surfaces(best, item) {
             if !also.contains(&other) {

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use crate::Error;
 use crate::diagnosis::averaged::Averaged;
-use crate::diagnosis::price::{Family, Said, by_price, charge};
+use crate::diagnosis::price::{Family, Said, charge, in_steps};
 use crate::diagnosis::score::scan;
 use crate::diagnosis::score::scored::{Scored, excluded_pose, is_data, one_place_each, paid};
 use crate::diagnosis::score::times::over_times;
@@ -12,6 +12,7 @@ use crate::diagnosis::search::account::Account;
 use crate::diagnosis::search::noise::UnknownNoise;
 use crate::estimate::{Fit, Observations};
 use crate::numerics::credible_set::RIVAL;
+use crate::numerics::order;
 
 /// Neighbours of one explanation that are refitted at the most.
 pub(super) const MOST_REFITS: usize = 8;
@@ -78,7 +79,7 @@ impl Beam<'_, '_> {
         let limit = account.price + RIVAL;
         let priced = scored.into_iter().map(|s| (self.price_with(account, &s), s));
         let mut order: Vec<(f64, Scored)> = priced.filter(|(price, _)| *price < limit).collect();
-        order.sort_by(|a, b| by_price(a.0, b.0));
+        order::ascending(&mut order, |(price, _)| in_steps(*price));
         let mut scored: Vec<Scored> = order.into_iter().map(|(_, s)| s).collect();
         // Neighbouring orders, and times, are one candidate.
         one_place_each(&mut scored, |i| !is_data(i));

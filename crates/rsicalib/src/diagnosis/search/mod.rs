@@ -21,13 +21,14 @@ mod yielding;
 use crate::Error;
 use crate::diagnosis::averaged::Averaged;
 use crate::diagnosis::plausibility::{Absurdity, absurdities};
-use crate::diagnosis::price::by_price;
+use crate::diagnosis::price::in_steps;
 use crate::diagnosis::score::scored::is_data;
 use crate::diagnosis::search::account::Account;
 use crate::diagnosis::search::beam::{Beam, MOST_REFITS};
 use crate::estimate::Fit;
 use crate::model::Instance;
 use crate::numerics::credible_set::RIVAL;
+use crate::numerics::order;
 
 /// Explanations whose neighbours are looked for at the most.
 const WIDTH: usize = 2;
@@ -96,7 +97,7 @@ impl<'s, 'a> Beam<'s, 'a> {
     fn ranked_of(&self, some: impl Fn(&Account) -> bool) -> Vec<usize> {
         let of = |k: &usize| self.accounts[*k].admitted && some(&self.accounts[*k]);
         let mut ranked: Vec<usize> = (0..self.accounts.len()).filter(of).collect();
-        ranked.sort_by(|a, b| by_price(self.accounts[*a].price, self.accounts[*b].price));
+        order::ascending(&mut ranked, |k| in_steps(self.accounts[*k].price));
         let limit = ranked.first().map_or(0.0, |best| self.accounts[*best].price + RIVAL);
         ranked.retain(|k| self.accounts[*k].price <= limit);
         ranked

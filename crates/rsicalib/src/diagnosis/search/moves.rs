@@ -16,6 +16,7 @@ use crate::diagnosis::search::orders::nearest_place;
 use crate::estimate::{Fit, Observations, fit};
 use crate::model::Instance;
 use crate::numerics::credible_set::RIVAL;
+use crate::numerics::order;
 use crate::numerics::workers;
 
 /// After so many moves noise and fit agree, or never will.
@@ -90,7 +91,7 @@ impl Beam<'_, '_> {
         let priced = |width: f64, score: f64| charge(width, said.fall(score));
         let mut two = pairs::pairs(&session, &account.fit, &judge, &named, &priced, needed)?;
         drop(session);
-        two.sort_by(|a, b| b.charged().total_cmp(&a.charged()));
+        order::descending(&mut two, |a| a.charged());
         let likely = two.iter().take(MOST_REFITS / 2).map(More::from).collect();
         self.add(of, likely)?;
         self.two_wrong(of, best)

@@ -1,9 +1,10 @@
 //! Explanations of a session that are nearly as good as the best.
 
-use crate::diagnosis::price::by_price;
+use crate::diagnosis::price::in_steps;
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
+use crate::numerics::order;
 
 /// Id of noise that nobody knows of.
 pub const UNKNOWN_NOISE: &str = "unknown_noise";
@@ -29,7 +30,7 @@ pub struct Explanation {
 
 /// Those within [`RIVAL`] of the best, the best first, with their probabilities.
 pub(crate) fn nearest<T>(mut all: Vec<(Explanation, T)>) -> Vec<(Explanation, T)> {
-    all.sort_by(|(a, _), (b, _)| by_price(a.chi2, b.chi2));
+    order::ascending(&mut all, |(e, _)| in_steps(e.chi2));
     let best = all.first().map_or(0.0, |(e, _)| e.chi2);
     all.retain(|(e, _)| e.chi2 <= best + RIVAL);
     all.truncate(MOST_RIVALS);

@@ -25,6 +25,7 @@ use crate::estimate::{Fit, Observations};
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
+use crate::numerics::order;
 use crate::numerics::workers;
 use crate::terms::term::Needs;
 
@@ -385,7 +386,7 @@ fn scans(
         let charge = 2.0 * (kind.len() as f64 / prior(Family::Free)).ln();
         all.extend(kind.into_iter().map(|scan| Scan { price: scan.price + charge, ..scan }));
     }
-    all.sort_by(|a, b| a.price.total_cmp(&b.price));
+    order::ascending(&mut all, |a| a.price);
     all
 }
 
@@ -411,7 +412,7 @@ fn formula_of(
     };
     let least = scan.sets.iter().map(|(_, e)| e.price).fold(f64::INFINITY, f64::min);
     let mut likely: Vec<_> = scan.sets.iter().filter(|(_, e)| e.price < least + AS_WELL).collect();
-    likely.sort_by(|a, b| a.1.price.total_cmp(&b.1.price));
+    order::ascending(&mut likely, |a| a.1.price);
     let each = likely.into_iter().take(MOST_SETS).filter_map(|(set, evidence)| {
         let of: Vec<Quantity> = set.iter().map(|&v| variables[v].quantity).collect();
         let smooth = evidence.price - beside.price;
@@ -549,7 +550,7 @@ fn depends_on(scan: &Scan, variables: &[Variable]) -> Vec<On> {
         let mut others: Vec<(f64, usize)> = swapped
             .filter_map(|(s, e)| Some((e.price, *s.iter().find(|w| !set.contains(w))?)))
             .collect();
-        others.sort_by(|a, b| a.0.total_cmp(&b.0));
+        order::ascending(&mut others, |a| a.0);
         others.into_iter().map(|(_, w)| variables[w].quantity).collect()
     };
     let each = set.iter().zip(&lost);
@@ -560,6 +561,6 @@ fn depends_on(scan: &Scan, variables: &[Variable]) -> Vec<On> {
             also: instead(v),
         })
         .collect();
-    out.sort_by(|a, b| b.share.total_cmp(&a.share));
+    order::descending(&mut out, |a| a.share);
     out
 }

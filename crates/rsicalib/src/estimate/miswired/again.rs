@@ -9,6 +9,7 @@ use crate::estimate::options::FitOptions;
 use crate::mechanism::Mechanism;
 use crate::model::Model;
 use crate::numerics::lm::SolverOptions;
+use crate::numerics::order;
 use crate::readings::Table;
 
 /// χ² must fall by this factor before a mistake is named.
@@ -53,7 +54,7 @@ impl Again {
 /// The fits without a mistake that leave least, by χ² per degree of freedom: the least first, and those that do not
 /// leave by far more.
 pub(crate) fn likeliest<T>(mut found: Vec<(f64, T)>) -> Vec<(f64, T)> {
-    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    order::ascending(&mut found, |a| a.0);
     let least = found.first().map_or(f64::INFINITY, |(least, _)| *least);
     found.retain(|(left, _)| *left <= least * DECISIVE);
     found

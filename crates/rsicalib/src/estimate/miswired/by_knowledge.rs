@@ -11,6 +11,7 @@ use crate::estimate::miswired::rewired::Rewired;
 use crate::estimate::search::{End, StartSearch, anchored};
 use crate::estimate::suspicion::{Closes, Suspicion};
 use crate::mechanism::Mechanism;
+use crate::numerics::order;
 use crate::readings::Readings;
 
 /// The poses, each the mean of its samples, with the square root of their number as its weight.
@@ -64,7 +65,7 @@ impl<'a> Poses<'a> {
             Some((self.without(&rewired), mistake, rewired))
         };
         let mut found: Vec<_> = wires.chain(Mistake::units(of)).filter_map(undone).collect();
-        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        order::ascending(&mut found, |a| a.0);
         found
     }
 }

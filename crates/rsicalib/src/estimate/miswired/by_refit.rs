@@ -13,6 +13,7 @@ use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Closes, Suspicion};
 use crate::model::{Instance, Model};
+use crate::numerics::order;
 use crate::terms::term::Role;
 
 /// Exchanges where no search for a start tries them, and what no gain can reverse.
@@ -52,7 +53,7 @@ pub(crate) fn miswired(
     let mut mistakes = untried(observations, model);
     if let Some((few, terms)) = enough(observations, model) {
         let mut rough = tried(&few, &terms, mistakes);
-        rough.sort_by(|a, b| a.0.total_cmp(&b.0));
+        order::ascending(&mut rough, |a| a.0);
         let and_the_next = likeliest(rough.clone()).len() + 1;
         mistakes = rough.into_iter().take(and_the_next).map(|(_, mistake)| mistake).collect();
     }

@@ -22,6 +22,7 @@ use faer::{Mat, Side};
 use crate::estimate::noise::scatter::Groups;
 use crate::estimate::objective::Noise;
 use crate::estimate::residuals::Residuals;
+use crate::numerics::order;
 use crate::numerics::{distributions, thin};
 
 /// Probability of setting a channel apart where all are alike.
@@ -424,7 +425,7 @@ impl Seen {
                 let score = all.score(&columns, c + 1)?;
                 let mut order: Vec<usize> = (0..each.len()).collect();
                 let loud = |i: &usize| -score.signum() * each[*i].gradient[c + 1];
-                order.sort_by(|a, b| loud(a).total_cmp(&loud(b)));
+                order::ascending(&mut order, |a| loud(a));
                 let mut rest = ScoreSums::new(self.units.len() + 1);
                 for &i in &order[each.len().div_ceil(STRANGE)..] {
                     rest.add(&each[i]);

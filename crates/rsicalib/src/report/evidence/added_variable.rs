@@ -5,6 +5,7 @@
 //! residuals is that product, and the dots lie about a line of slope one through zero.
 
 use crate::estimate::{Fit, Observations};
+use crate::numerics::order;
 use crate::report::evidence::thinned::grouped;
 
 /// An added-variable plot.
@@ -27,7 +28,7 @@ pub fn added_variable(observations: &Observations, without: &Fit, with: &Fit) ->
         .flat_map(|row| (row * k..(row + 1) * k).map(move |i| (row, i)))
         .map(|(row, i)| (row, [before[i] - after[i], before[i]]))
         .collect();
-    dots.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+    order::ascending(&mut dots, |a| a.1[0]);
     let (groups, per_dot) = grouped(&dots);
     let mean = |group: &[(usize, [f64; 2])]| {
         let n = group.len() as f64;

@@ -10,6 +10,7 @@ use crate::estimate::angles::Angles;
 use crate::estimate::{Fit, Observations, fit};
 use crate::mechanism::Target;
 use crate::model::Instance;
+use crate::numerics::order;
 use crate::report::evidence::shapes::{Alternative, Law};
 use crate::report::evidence::thinned::{grouped, some};
 use crate::report::trace_report::Place;
@@ -38,12 +39,12 @@ pub fn law(observations: &Observations, found: &Found, last: &Fit) -> Result<Opt
         .filter(|&row| observations.weights[row] > 0.0 && variable[row].is_finite())
         .collect();
     let mut asked = acts.dots(&live, &variable, last);
-    asked.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+    order::ascending(&mut asked, |a| a.1[0]);
     let (groups, per_dot) = grouped(&asked);
     let dots = groups.map(weighted).collect();
     let poses = if per_dot == 1 { asked.iter().map(|dot| dot.0).collect() } else { Vec::new() };
     let mut order = live;
-    order.sort_by(|a, b| variable[*a].total_cmp(&variable[*b]));
+    order::ascending(&mut order, |a| variable[*a]);
     let line = |value: &dyn Fn(usize) -> f64| -> Vec<[f64; 2]> {
         some(order.iter().map(|&row| [variable[row], value(row)]).collect())
     };

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::numerics::median::median;
+use crate::numerics::order;
 use crate::readings::codes::steps;
 use crate::screening::raw::rows::{Raw, span};
 use crate::screening::raw::suspect::Suspect;
@@ -47,7 +48,7 @@ pub(super) fn moved_poses(raw: &Raw<'_>) -> Vec<Suspect> {
         (excess(channel) > 1.0).then_some((excess(channel), moved))
     };
     let mut found: Vec<_> = several.iter().zip(&scatter).filter_map(moved).collect();
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    order::descending(&mut found, |a| a.0);
     found.into_iter().map(|(_, moved)| moved).collect()
 }
 

@@ -33,6 +33,7 @@ use crate::estimate::at_fit::AtFit;
 use crate::mechanism::{Law, Mechanism, Target};
 use crate::model::{Model, Want, Workspace};
 use crate::numerics::lanes::Lanes;
+use crate::numerics::order;
 use crate::numerics::search::edge;
 use crate::readings::way::Memory;
 
@@ -131,7 +132,7 @@ fn unlike<'a>(sums: &'a [Sum], products: &[Product]) -> Vec<&'a Sum> {
         }
     }
     let mut best: Vec<&Sum> = best.into_values().collect();
-    best.sort_by(|a, b| b.fall.total_cmp(&a.fall));
+    order::descending(&mut best, |a| a.fall);
     let of =
         |width: usize| best.iter().copied().filter(move |sum| sum.of.len() == width).take(MOVED);
     (1..=MOST).flat_map(of).collect()

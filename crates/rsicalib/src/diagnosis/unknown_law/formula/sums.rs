@@ -1,5 +1,6 @@
 //! Sums of few columns, and how much each explains.
 
+use crate::numerics::order;
 use nalgebra::{DMatrix, DVector};
 
 /// Columns in a sum, at the most.
@@ -27,7 +28,7 @@ pub(super) fn sums(shows: &[usize], square: &DMatrix<f64>, gradient: &DVector<f6
     all.extend(pairs.filter_map(|pair| one(pair.to_vec())));
     for width in 3..=MOST {
         let mut best: Vec<&Sum> = all.iter().filter(|sum| sum.of.len() == width - 1).collect();
-        best.sort_by(|a, b| b.fall.total_cmp(&a.fall));
+        order::descending(&mut best, |a| a.fall);
         best.truncate(EXTENDED);
         let longer = best.iter().flat_map(|sum| {
             let others = shows.iter().filter(|j| !sum.of.contains(j));
