@@ -30,7 +30,7 @@ def write(ask: Ask) -> dict[str, str]:
     for name, channel in channels.items():
         direct[name] = channel["unit"] == units[name] and channel["gain"] == 1.0
         if not direct[name]:
-            gain, offset = channel["gain"], channel["offset"]
+            gain, offset = (factor_of(channel) * channel[key] for key in ("gain", "offset"))
             notes.append(
                 f"joint {name} is at {gain!r} times the reading of {name}, plus {offset!r}"
             )
@@ -39,14 +39,19 @@ def write(ask: Ask) -> dict[str, str]:
     for chain in document["chain"]:
         carried = [p for p in points if p.get("chain") == chain["name"]]
         writer.chain(chain["name"], chain["dh"], carried)
-    fixed = [p for p in points if "chain" not in p and "unknown" not in p]
+    writer.drivers()
+    # An instrument sees its points elsewhere in each pose.
+    seen = {p["name"] for p in points if "at" not in p and "unknown" not in p}
+    fixed = [p for p in points if "chain" not in p and "unknown" not in p and "at" in p]
     sites = "".join(_site(point, "    ") for point in fixed)
-    known = {p["name"] for p in points if "unknown" not in p}
+    known = {p["name"] for p in points if "unknown" not in p} - seen
     connects = ""
     for closure in document["closure"]:
         a, b = closure["between"]
         if closure["kind"] == "equal" and {a, b} <= writer.joints:
-            connects += f"    <joint joint1={quoteattr(a)} joint2={quoteattr(b)}/>\n"
+            apart = writer.shift(b) - writer.shift(a)
+            poly = f' polycoef="{apart!r} 1 0 0 0"' if apart else ""
+            connects += f"    <joint joint1={quoteattr(a)} joint2={quoteattr(b)}{poly}/>\n"
         elif closure["kind"] == "touch" and {a, b} <= known:
             name = quoteattr(closure["name"])
             connects += f"    <connect name={name} site1={quoteattr(a)} site2={quoteattr(b)}/>\n"
@@ -77,6 +82,12 @@ class _Writer:
         self.sensors: list[str] = []
         self.ratios: list[str] = []
         self.joints: set[str] = set()
+        self.followed: dict[str, str] = {}
+        """Channels that joints follow, with the kind of these joints."""
+
+    def shift(self, channel: str) -> float:
+        """The coordinate of a channel less the value of its joint."""
+        return float(self.channels[channel]["offset"]) if self.direct[channel] else 0.0
 
     def chain(self, name: str, rows: list[dict[str, Any]], points: list[dict[str, Any]]) -> None:
         """Bodies one in the other, a site for each point in the last."""
@@ -90,7 +101,7 @@ class _Writer:
                 continue
             ratio = 1.0 if row.get("ratio") is None else float(row["ratio"])
             if self.direct[channel]:
-                offset = ratio * self.channels[channel]["offset"]
+                offset = ratio * self.shift(channel)
                 if row.get("joint") == "prismatic":
                     slide = rigid([0.0, 0.0, offset])
                 else:
@@ -109,16 +120,29 @@ class _Writer:
         """The joint of a row; one that is a multiple of another follows it."""
         kind = "slide" if row.get("joint") == "prismatic" else "hinge"
         if channel not in self.joints and ratio == 1.0:
-            self.joints.add(channel)
-            self.sensors.append(f"    <jointpos joint={quoteattr(channel)}/>\n")
-            limits, factor = self.channels[channel].get("limits"), factor_of(self.channels[channel])
-            ends = " ".join(repr(end * factor) for end in limits or ())
-            span = f' range="{ends}"' if ends else ""
-            return f'<joint name={quoteattr(channel)} type="{kind}" axis="0 0 1"{span}/>'
+            return self._sensed(channel, kind)
+        self.followed[channel] = kind
         own, other = quoteattr(f"{place} follows"), quoteattr(channel)
         poly = f"0 {ratio!r} 0 0 0"
         self.ratios.append(f'    <joint joint1={own} joint2={other} polycoef="{poly}"/>\n')
         return f'<joint name={own} type="{kind}" axis="0 0 1"/>'
+
+    def _sensed(self, channel: str, kind: str) -> str:
+        """The joint that a channel senses, with its sensor."""
+        self.joints.add(channel)
+        self.sensors.append(f"    <jointpos joint={quoteattr(channel)}/>\n")
+        limits, factor = self.channels[channel].get("limits"), factor_of(self.channels[channel])
+        ends = " ".join(repr(end * factor - self.shift(channel)) for end in limits or ())
+        span = f' range="{ends}"' if ends else ""
+        return f'<joint name={quoteattr(channel)} type="{kind}" axis="0 0 1"{span}/>'
+
+    def drivers(self) -> None:
+        """A body without mass for each channel that turns no joint by itself, as motors of a differential."""
+        for channel, kind in self.followed.items():
+            if channel not in self.joints:
+                joint = self._sensed(channel, kind)
+                label = quoteattr(f"{channel} drives")
+                self.bodies.append(f"    <body name={label}>\n      {joint}\n    </body>\n")
 
 
 def _body(row: dict[str, Any]) -> Matrix:

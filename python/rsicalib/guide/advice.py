@@ -347,8 +347,9 @@ def _with_priors(mechanism: Mechanism, rest: Readings | None) -> Mechanism:
     if rest is not None and drawing.get("rest"):
         angles = mechanism.inverse(drawing["rest"]["pose"])
         read = rest.values.mean(axis=0)
-        for channel, angle, reading in zip(drawing["channel"], angles, read, strict=True):
-            channel["offset"] = float(angle - channel["gain"] * reading)
+        own = zip(drawing["channel"], mechanism.channels, angles, read, strict=True)
+        for channel, of, angle, reading in own:
+            channel["offset"] = float(angle - of.gain * reading) / factor_of(channel)
     return _core.Mechanism.from_dict(plain(drawing))
 
 

@@ -224,6 +224,6 @@ def _step(config: Config, section: str) -> float:
             raise config.refuse(section, "gear_ratio", "teeth such as 80:20, 3:1")
         gears *= driven / driving
     step = rotation / full / micro / gears
-    if not 0.0 < step < math.inf:
+    if not (0.0 < step < math.inf and 1.0 / step < math.inf):
         raise config.refuse(section, "rotation_distance", "a step that is a length")
     return step

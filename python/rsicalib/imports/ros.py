@@ -207,7 +207,7 @@ def _times(messages: list[Message], rows: Lines) -> tuple[FloatArray | None, lis
     for row, (_, message) in enumerate(messages):
         try:
             stamps.append(_stamp(message))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             found, expected = "a stamp that is no time", "whole seconds and nanoseconds"
             raise rows.fault(row, found, expected) from None
     received = [time for time, _ in messages if time is not None]

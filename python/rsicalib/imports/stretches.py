@@ -172,7 +172,7 @@ def _rows(
         columns["pose"] = pose[keep]
         first = np.flatnonzero(np.diff(pose[keep], prepend=-1))
         lengths = np.diff(np.append(first, keep.sum()))
-        columns["sample"] = np.arange(keep.sum()) - np.repeat(first, lengths)
+        columns["sample"] = 1 + np.arange(keep.sum()) - np.repeat(first, lengths)
     if time is not None:
         columns["time_s"] = time[keep]
     columns |= {

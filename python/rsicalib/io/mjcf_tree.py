@@ -235,10 +235,10 @@ class Model:
             return None if text is None else np.array(self.numbers(element, name, text, count))
 
         if (quat := given("quat", 4)) is not None:
-            return _of_quaternion(quat)
+            return _of_quaternion(self._unit(element, "quat", quat))
         if (both := given("axisangle", 4)) is not None:
             half = both[3] * unit / 2
-            axis = both[:3] / np.linalg.norm(both[:3])
+            axis = self._unit(element, "axisangle", both[:3])
             return _of_quaternion(np.array([math.cos(half), *(math.sin(half) * axis)]))
         if (euler := given("euler", 3)) is not None:
             out = np.eye(3)
@@ -247,13 +247,19 @@ class Model:
                 out = out @ turn if letter.islower() else turn @ out
             return out
         if (axes := given("xyaxes", 6)) is not None:
-            x = axes[:3] / np.linalg.norm(axes[:3])
-            y = axes[3:] - x * (x @ axes[3:])
-            y /= np.linalg.norm(y)
+            x = self._unit(element, "xyaxes", axes[:3])
+            y = self._unit(element, "xyaxes", axes[3:] - x * (x @ axes[3:]))
             return np.column_stack([x, y, np.cross(x, y)])
         if (z := given("zaxis", 3)) is not None:
-            return _shortest(z / np.linalg.norm(z))
+            return _shortest(self._unit(element, "zaxis", z))
         return np.eye(3)
+
+    def _unit(self, element: Element, name: str, of: np.ndarray) -> np.ndarray:
+        """A direction of length one."""
+        length = float(np.linalg.norm(of))
+        if not length > 0.0:
+            self.refuse(element, found=f"{name} without a direction", expected="one")
+        return of / length
 
 
 def _of_quaternion(quat: np.ndarray) -> np.ndarray:

@@ -196,8 +196,7 @@ def observability(
         measures.append(Measures(scaling, **found["measures"], singular_values=singular))
     if not measures:
         raise InputError(f"scalings: found none, expected some of {', '.join(SCALINGS)}")
-    sigma = np.array([c.noise or 1.0 for c in opened.channels])
-    bound = _core.bound(opened, values, offsets, gains, sigma, closures=names)
+    bound = _core.bound(opened, values, offsets, gains, np.ones(len(opened.channels)), closures=names)
     return Observability(
         len(values),
         tuple(measures),

@@ -222,6 +222,11 @@ def _found(result: TraceShape, look: Look) -> list[str]:
             lines += _cut(f"            fits as well: {', '.join(shown)}{more}", look)
         if step.curve_law is not None:
             lines += _cut(f"            {law_words(step.curve_law)}", look)
+    law = None if result.unexplained is None else result.unexplained.law
+    if lines and law is not None:
+        likely = f"{100.0 * law.probability:.0f} % likely among formulas"
+        words = f"{law.formula} at {law.target}, {likely}; its lines are in unexplained.law of the JSON"
+        lines += _most(_entry("formula", words, look), 3, look)
     if words := elsewhere_words(result):
         lines += _most(_entry("elsewhere", words, look), 3, look)
     return lines if not lines or result.excluded else [*lines, ""]

@@ -148,6 +148,22 @@ def subject(step: Step | Name) -> str:
     return f"{what} of {where}{at}"
 
 
+def missing_words(result: TraceShape) -> tuple[str, bool]:
+    """What was missing, and whether that is several.
+
+    Where a law that no term has is likelier than an effect that was found, the law stands for that effect.
+    """
+
+    def of(step: Step) -> str:
+        law = next((n for n in step.also_fits if n.term == "unknown_law"), None)
+        if law is None or step.not_applied != "law" or (step.probability or 0.0) >= 0.5:
+            return subject(step)
+        return f"a law of {labelled(target_words('', law.target), law.label)} that no term has"
+
+    missing = list(dict.fromkeys(of(step) for step in result.steps))
+    return listed_words(missing), len(missing) > 1
+
+
 def listed_words(items: Sequence[str]) -> str:
     """Words one after the other: `a, b and c`."""
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"
@@ -256,13 +272,13 @@ def sentence(result: ResultShape) -> str:
         why = "" if fit.p_value is None else " (the declared noise is too large)"
         return f"Unjudged: a calibration{found}, and nothing to judge it by{why}: {judged}."
     if isinstance(result, TraceShape) and result.steps:
-        missing = listed_words([subject(step) for step in result.steps])
-        were = "was" if len(result.steps) == 1 else "were"
+        missing, several = missing_words(result)
+        were = "were" if several else "was"
         if result.verdict == "explained":
             yet = _yet(result)
             return f"Explained{yet}: {missing} {were} missing; what is left is noise ({judged})."
         more = any(reason.kind == "residual" for reason in result.reasons)
-        leave = "leaves" if len(result.steps) == 1 else "leave"
+        leave = "leave" if several else "leaves"
         leave += " more than noise" if more else " no more than noise"
         if against:
             why = reason_words(result, against[0])
@@ -310,8 +326,8 @@ def _yet(result: ResultShape) -> str:
 
 def _found(result: ResultShape) -> str:
     """What a trace found, where nothing judges it: ` with curvature of sensor a22`."""
-    steps = result.steps if isinstance(result, TraceShape) else ()
-    return f" with {listed_words([subject(step) for step in steps])}" if steps else ""
+    found = isinstance(result, TraceShape) and result.steps
+    return f" with {missing_words(result)[0]}" if found else ""
 
 
 def noise_words(result: ResultShape) -> str:

@@ -273,6 +273,12 @@ impl Mechanism {
     fn check_platform(&self) -> Result<(), Error> {
         for (name, at) in &self.platform {
             known(self.point_index(name), || "platform".into())?;
+            let point = self.points.iter().find(|point| point.name == *name);
+            if let Some(Point { chain: None, frame: Some(frame), .. }) = point {
+                let found = format!("a point of the frame {}", quoted(frame));
+                let expected = "a point that a chain carries: where frames are is found, not told by readings alone";
+                return Err(refuse(format!("platform, {name}"), found, expected.into()));
+            }
             finite(at.iter(), || format!("platform, {name}"))?;
         }
         if let Some(rest) = &self.rest {

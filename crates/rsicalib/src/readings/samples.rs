@@ -289,7 +289,8 @@ impl Readings {
             (Some(t), Some(mean)) => t.iter().map(|t| t - mean).collect(),
             _ => vec![0.0; samples],
         };
-        let tempered = temperature.iter().any(|t| t.abs() > STEADY);
+        let tempered = temperature.iter().any(|t| t.abs() > STEADY)
+            || main.is_some_and(|main| main.tempered && table.temperature.is_some());
 
         let column = |c: usize| table.values.iter().skip(c).step_by(channels).copied();
         let mean = (0..channels).map(|c| column(c).sum::<f64>() / samples as f64).collect();
@@ -451,13 +452,14 @@ impl Readings {
         check(mechanism, &self.table).map(|_| ())
     }
 
-    /// Counts temperatures from `mean` (°C) instead of the mean of these readings.
+    /// Counts temperatures from `mean` (°C), that of another session, instead of the mean of these readings. What has the
+    /// temperature of all rows alike then differs from that session's all the same, and terms of temperature act.
     pub fn count_temperature_from(&mut self, mean: f64) {
         let Some(own) = self.mean_temperature.replace(mean) else { return };
+        self.tempered = true;
         for block in &mut self.blocks {
             block.temperature += Lanes::splat(own - mean);
         }
-        self.tempered |= (own - mean).abs() > STEADY;
     }
 
     /// Places the samples at these times, in sessions from the first pose, one for each, after the
