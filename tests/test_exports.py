@@ -7,6 +7,7 @@ import subprocess
 import tomllib
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -394,3 +395,75 @@ def test_what_a_model_of_mujoco_cannot_hold_is_said(traced: Trace) -> None:
     assert "not in here: closure wrist1-wrist2: distance" in str(text)
     assert "curvature@a22 has no place" in str(text)
     assert "times the reading of a11" in str(text)
+
+
+def joints_of(text: str) -> dict[str, dict[str, str]]:
+    """Attributes of the joints of a model, in bodies and in equalities, by name or first joint."""
+    root = ElementTree.fromstring(text)
+    return {j.get("name") or f"={j.get('joint1')}": dict(j.attrib) for j in root.iter("joint")}
+
+
+def test_ranges_and_equal_joints_of_a_model_are_of_readings() -> None:
+    """A joint reads `q`, its coordinate is `q + offset`: ends and equalities are of coordinates."""
+    document = {
+        "name": "pair",
+        "length_unit": "m",
+        "channel": [
+            {"name": "q1", "unit": "rad", "gain": 1.0, "offset": 0.0, "limits": [-1.0, 1.0]},
+            {"name": "q2", "unit": "rad", "gain": 1.0, "offset": 0.0, "limits": [0.5, 2.0]},
+        ],
+        "chain": [
+            {"name": "one", "dh": [{"channel": "q1", "a": 1.0}]},
+            {"name": "two", "dh": [{"channel": "q2", "a": 1.0}]},
+        ],
+        "point": [
+            {"name": "tip", "chain": "one", "at": [0.0, 0.0, 0.0]},
+            {"name": "end", "chain": "two", "at": [0.0, 0.0, 0.0]},
+        ],
+        "closure": [{"name": "same", "kind": "equal", "between": ["q1", "q2"], "noise": 0.001}],
+    }
+    offset = {"term": "offset", "target": "q2", "name": "offset", "value": 0.2}
+    mechanism = rsicalib.load_mechanism(document)
+    (text,) = export_result(result_of(document, [offset]), "mjcf", mechanism).values()
+    joints = joints_of(str(text))
+    ends = [float(end) for end in joints["q2"]["range"].split()]
+    assert ends == pytest.approx([0.3, 1.8])
+    # q1 = q2 + 0.2 where the coordinates are equal
+    constants = [float(c) for c in joints["=q1"]["polycoef"].split()]
+    assert constants == pytest.approx([0.2, 1.0, 0.0, 0.0, 0.0])
+
+
+def test_motors_of_a_differential_have_joints_of_their_own() -> None:
+    """Every joint that a model names is in it, and what an instrument sees stays out."""
+    half = {"ratio": 0.5, "a": 0.0}
+    document = {
+        "name": "differential",
+        "length_unit": "m",
+        "channel": [
+            {"name": "m1", "unit": "rad", "gain": 1.0, "offset": 0.0},
+            {"name": "m2", "unit": "rad", "gain": 1.0, "offset": 0.0},
+        ],
+        "chain": [
+            {
+                "name": "wrist",
+                "dh": [
+                    {"channel": "m1", **half},
+                    {"channel": "m2", **half, "alpha": 1.5707963267948966},
+                    {"channel": "m1", **half},
+                    {"channel": "m2", "ratio": -0.5, "a": 0.2},
+                ],
+            }
+        ],
+        "point": [
+            {"name": "tip", "chain": "wrist", "at": [0.0, 0.0, 0.0]},
+            {"name": "seen", "columns": ["x", "y", "z"]},
+        ],
+        "closure": [{"name": "probe", "kind": "touch", "between": ["tip", "seen"], "noise": 0.001}],
+    }
+    mechanism = rsicalib.load_mechanism(document)
+    offset = {"term": "offset", "target": "m1", "name": "offset", "value": 0.0}
+    (text,) = export_result(result_of(document, [offset]), "mjcf", mechanism).values()
+    joints = joints_of(str(text))
+    named = {joint["joint2"] for joint in joints.values() if "joint2" in joint}
+    assert named == {"m1", "m2"} and named <= set(joints)
+    assert "seen" not in {s.get("name") for s in ElementTree.fromstring(str(text)).iter("site")}

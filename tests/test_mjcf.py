@@ -264,3 +264,26 @@ def test_a_xacro_is_refused_with_the_command_that_expands_it(tmp_path: Path) -> 
         InputError, match=r"Expand the xacro first: xacro \S+arm\.urdf\.xacro -o \S+arm\.urdf$"
     ):
         chain_from_urdf(path, "a", "b", {})
+
+
+@pytest.mark.parametrize(
+    ("drawn", "zero"),
+    [
+        ('axisangle="0 0 2 40"', 'axisangle="0 0 0 40"'),
+        ('quat="2 0.2 -0.4 0.1"', 'quat="0 0 0 0"'),
+        ('xyaxes="1 0.1 0 0 1 0.2"', 'xyaxes="1 0.1 0 2 0.2 0"'),
+        ('zaxis="0.1 0.2 1"', 'zaxis="0 0 0"'),
+    ],
+)
+def test_a_direction_without_length_is_refused_by_name(drawn: str, zero: str) -> None:
+    text = model(CLOSED["connect of sites"]).replace(drawn, zero)
+    with pytest.raises(InputError, match=f"found {zero.split('=')[0]} without a direction"):
+        mechanism_of_mjcf(text)
+
+
+def test_a_number_that_is_none_is_refused_by_name() -> None:
+    follows = '<joint joint1="r2" joint2="r1" polycoef="0 one"/>'
+    with pytest.raises(InputError, match="polycoef"):
+        mechanism_of_mjcf(model(CLOSED["connect of sites"] + follows))
+    with pytest.raises(InputError, match="torquescale"):
+        mechanism_of_mjcf(model(CLOSED["weld"].replace('"0.4"', '"x"')))

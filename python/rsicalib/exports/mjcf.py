@@ -137,7 +137,7 @@ class _Writer:
         return f'<joint name={quoteattr(channel)} type="{kind}" axis="0 0 1"{span}/>'
 
     def drivers(self) -> None:
-        """A body without mass for each channel that turns no joint by itself, as motors of a differential."""
+        """A body for each channel that turns no joint by itself, as motors of a differential."""
         for channel, kind in self.followed.items():
             if channel not in self.joints:
                 joint = self._sensed(channel, kind)

@@ -13,6 +13,7 @@ from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import RsicalibError
+from rsicalib.exports.coordinates import factor_of
 from rsicalib.facts.records import plain
 from rsicalib.facts.shapes import Name, Step
 from rsicalib.facts.warned import WIRING, Warned

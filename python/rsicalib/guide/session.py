@@ -163,9 +163,7 @@ class Session:
             self._means = {k: _mean(samples) for k, samples in self.log.poses.items()}
             self._recent.clear()
             self._begin_anew()
-            self.note = (
-                f"{pair[0]} and {pair[1]} are taken for one another: leave wires and names"
-            )
+            self.note = f"{pair[0]} and {pair[1]} are taken for one another: leave wires and names"
             self.note += " as they are until this session is done, and exchange them afterwards"
             self._save()
             self._ask()

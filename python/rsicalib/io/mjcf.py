@@ -108,7 +108,7 @@ class _Reading:
         """Two joints that go together: equal, or one is a multiple of the other."""
         names = [element.attributes.get(k, "") for k in ("joint1", "joint2")]
         text = self.model.value(element, "polycoef") or "0 1 0 0 0"
-        factors = [float(part) for part in text.split()]
+        factors = self.model.numbers(element, "polycoef", text, len(text.split()))
         factors += [0.0] * (5 - len(factors))
         unknown = [n for n in names if n not in self.model.joints]
         if unknown or any(factors[2:]):
@@ -169,7 +169,8 @@ class _Reading:
         if element.tag == "connect":
             self._touch(label, bodies, places)
             return
-        scale = float(self.model.value(element, "torquescale") or 1.0)
+        text = self.model.value(element, "torquescale") or "1"
+        (scale,) = self.model.numbers(element, "torquescale", text, 1)
         turn = inverse(bodies[1].drawn()) @ bodies[0].drawn()
         for k, way in enumerate((np.zeros(3), *np.eye(3)[:2] * scale)):
             other = places[1] + turn[:3, :3] @ way

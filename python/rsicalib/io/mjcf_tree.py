@@ -21,6 +21,9 @@ from rsicalib.io.urdf_tree import Element, parse_xml, read_numbers, refuse
 
 HINGE, SLIDE, BALL, FREE = "hinge", "slide", "ball", "free"
 
+NONE = 1e-9
+"""What is shorter is no direction: of two axes that are parallel rounding leaves less."""
+
 
 @dataclass(eq=False)
 class MjJoint:
@@ -248,7 +251,8 @@ class Model:
             return out
         if (axes := given("xyaxes", 6)) is not None:
             x = self._unit(element, "xyaxes", axes[:3])
-            y = self._unit(element, "xyaxes", axes[3:] - x * (x @ axes[3:]))
+            y = self._unit(element, "xyaxes", axes[3:])
+            y = self._unit(element, "xyaxes", y - x * (x @ y))
             return np.column_stack([x, y, np.cross(x, y)])
         if (z := given("zaxis", 3)) is not None:
             return _shortest(self._unit(element, "zaxis", z))
@@ -257,7 +261,7 @@ class Model:
     def _unit(self, element: Element, name: str, of: np.ndarray) -> np.ndarray:
         """A direction of length one."""
         length = float(np.linalg.norm(of))
-        if not length > 0.0:
+        if not length > NONE:
             self.refuse(element, found=f"{name} without a direction", expected="one")
         return of / length
 

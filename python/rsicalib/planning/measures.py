@@ -196,7 +196,9 @@ def observability(
         measures.append(Measures(scaling, **found["measures"], singular_values=singular))
     if not measures:
         raise InputError(f"scalings: found none, expected some of {', '.join(SCALINGS)}")
-    bound = _core.bound(opened, values, offsets, gains, np.ones(len(opened.channels)), closures=names)
+    bound = _core.bound(
+        opened, values, offsets, gains, np.ones(len(opened.channels)), closures=names
+    )
     return Observability(
         len(values),
         tuple(measures),

@@ -225,7 +225,9 @@ def _found(result: TraceShape, look: Look) -> list[str]:
     law = None if result.unexplained is None else result.unexplained.law
     if lines and law is not None:
         likely = f"{100.0 * law.probability:.0f} % likely among formulas"
-        words = f"{law.formula} at {law.target}, {likely}; its lines are in unexplained.law of the JSON"
+        words = (
+            f"{law.formula} at {law.target}, {likely}; its lines are in unexplained.law of the JSON"
+        )
         lines += _most(_entry("formula", words, look), 3, look)
     if words := elsewhere_words(result):
         lines += _most(_entry("elsewhere", words, look), 3, look)

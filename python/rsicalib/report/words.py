@@ -151,7 +151,8 @@ def subject(step: Step | Name) -> str:
 def missing_words(result: TraceShape) -> tuple[str, bool]:
     """What was missing, and whether that is several.
 
-    Where a law that no term has is likelier than an effect that was found, the law stands for that effect.
+    Where a law that no term has is likelier than an effect that was found, the law stands for
+    that effect.
     """
 
     def of(step: Step) -> str:
@@ -326,8 +327,9 @@ def _yet(result: ResultShape) -> str:
 
 def _found(result: ResultShape) -> str:
     """What a trace found, where nothing judges it: ` with curvature of sensor a22`."""
-    found = isinstance(result, TraceShape) and result.steps
-    return f" with {missing_words(result)[0]}" if found else ""
+    if not isinstance(result, TraceShape) or not result.steps:
+        return ""
+    return f" with {missing_words(result)[0]}"
 
 
 def noise_words(result: ResultShape) -> str:
