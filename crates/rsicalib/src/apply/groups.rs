@@ -34,6 +34,41 @@ fn touches(mechanism: &Mechanism) -> Vec<Touch<'_>> {
         .collect()
 }
 
+/// The group of each row, by `groups` or else by the first column that tells unknown points apart; none for a mechanism
+/// whose chains touch no unknown points.
+///
+/// # Errors
+///
+/// [`Error::Shape`] unless there is an entry for each row.
+pub fn groups_of<'a>(
+    mechanism: &Mechanism,
+    table: &'a Table,
+    groups: Option<&'a [String]>,
+) -> Result<Option<&'a [String]>, Error> {
+    let touches = touches(mechanism);
+    let Some(first) = touches.first() else { return Ok(None) };
+    match groups {
+        Some(groups) => expect_rows("group", groups, rows(mechanism, table)),
+        None => column(mechanism, table, &first.columns[0]),
+    }
+    .map(Some)
+}
+
+/// A column that tells unknown points apart.
+fn column<'a>(
+    mechanism: &Mechanism,
+    table: &'a Table,
+    name: &String,
+) -> Result<&'a [String], Error> {
+    let at = mechanism.key_columns().iter().position(|k| k == name);
+    let cells = at.and_then(|k| table.keys.get(k)).map_or(&[][..], Vec::as_slice);
+    expect_rows(name, cells, rows(mechanism, table))
+}
+
+fn rows(mechanism: &Mechanism, table: &Table) -> usize {
+    table.values.len() / mechanism.channels.len()
+}
+
 /// Mean distance of carried points from their own means at what they touch, by group in the
 /// order of the readings; empty for a mechanism whose chains touch no unknown points.
 ///
@@ -50,18 +85,8 @@ pub fn spread(
     groups: Option<&[String]>,
 ) -> Result<Vec<(String, f64)>, Error> {
     let touches = touches(mechanism);
-    let Some(first) = touches.first() else { return Ok(Vec::new()) };
-    let key_columns = mechanism.key_columns();
-    let rows = table.values.len() / mechanism.channels.len();
-    let column = |name: &String| -> Result<&[String], Error> {
-        let at = key_columns.iter().position(|k| k == name);
-        let cells = at.and_then(|k| table.keys.get(k)).map_or(&[][..], Vec::as_slice);
-        expect_rows(name, cells, rows)
-    };
-    let groups = match groups {
-        Some(groups) => expect_rows("group", groups, rows)?,
-        None => column(&first.columns[0])?,
-    };
+    let Some(groups) = groups_of(mechanism, table, groups)? else { return Ok(Vec::new()) };
+    let column = |name: &String| column(mechanism, table, name);
     let places = points(mechanism, applied, table.clone())?;
     // Name, sum of the distances, and their number.
     let mut found: Vec<(&String, f64, f64)> = Vec::new();

@@ -20,7 +20,7 @@ use crate::model::ends::End;
 use crate::model::numbering::Unknown;
 use crate::model::prior::Prior;
 use crate::model::scattered::scatter;
-use crate::model::shown::Shown;
+use crate::model::shown::{Shown, reaching};
 use crate::model::thing::Thing;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::Lanes;
@@ -166,8 +166,24 @@ impl Configurations {
         }
     }
 
-    /// The same, drawn about rows of a session: between a row and anywhere.
-    pub(crate) fn about(self, readings: &Readings) -> Self {
+    /// The same, drawn about rows of a session: between a row and anywhere. A slide of which the file does not tell how
+    /// far it goes reaches what the session shows, and a tenth beyond.
+    pub(crate) fn about(mut self, readings: &Readings) -> Self {
+        for c in (0..self.limits.len()).filter(|&c| !self.declared[c] && self.free.slides(c)) {
+            let shown = (0..readings.samples).map(|row| {
+                let read = readings.row(row)[c];
+                self.free.channels[c].angle(read)
+            });
+            let [low, high] = reaching(shown);
+            let [a, b] = self.limits[c];
+            self.limits[c] = [a.min(low), b.max(high)];
+        }
+        self.spread = spread(&self.free, &self.limits);
+        self.near(readings)
+    }
+
+    /// The same, drawn about rows of a session.
+    fn near(self, readings: &Readings) -> Self {
         let every = readings.samples.div_ceil(ROWS);
         let mut about = Vec::new();
         for (block, meta) in readings.blocks().iter().enumerate() {
@@ -195,7 +211,7 @@ impl Configurations {
             }
         }
         self.spread = spread(&self.free, &self.limits);
-        Self { shown: Some(shown), ..self.about(of.0) }
+        Self { shown: Some(shown), ..self.near(of.0) }
     }
 
     /// The mechanism without ranges and limits.

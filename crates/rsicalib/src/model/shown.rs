@@ -113,6 +113,12 @@ impl Model {
 /// No value yet.
 const NOWHERE: Span = [f64::INFINITY, f64::NEG_INFINITY];
 
+/// Lowest and highest of these values, and a tenth of what is between them beyond either end.
+pub(crate) fn reaching(values: impl Iterator<Item = f64>) -> Span {
+    let span = values.fold(NOWHERE, with);
+    beyond(span, BEYOND * long(&span))
+}
+
 fn with([low, high]: Span, value: f64) -> Span {
     [low.min(value), high.max(value)]
 }

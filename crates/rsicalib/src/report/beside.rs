@@ -4,7 +4,7 @@ use crate::Error;
 use crate::apply::accuracy::{KNOWN, PREDICTED, predicted};
 use crate::apply::check::Check;
 use crate::apply::earlier::{self, Applied, Reference, Reported};
-use crate::apply::groups::spread;
+use crate::apply::groups::{groups_of, spread};
 use crate::diagnosis::plausibility::is_open;
 use crate::diagnosis::verdict::{Compared, Determined};
 use crate::estimate::noise::source::Source;
@@ -163,7 +163,6 @@ impl Beside {
             .map(|(observations, fit)| of(&applied(observations, fit, touched.own)))
             .transpose()?
             .unwrap_or_default();
-        let poses = runs_of_poses(&touched.table, self.mechanism.channels.len()).len();
         let others = by_group.iter().filter(|(name, _)| touched.is_other(name)).count();
         let predicted = match others {
             0 => None,
@@ -176,7 +175,7 @@ impl Beside {
             nominal_others: mean(&nominal, |name| touched.is_other(name)),
             before_fitted: mean(&before, |name| touched.is_fitted(name)),
             before_others: mean(&before, |name| touched.is_other(name)),
-            coordinates: (3 * poses * others / by_group.len()) as f64,
+            coordinates: touched.coordinates(&self.mechanism)?,
             predicted: predicted.filter(|sd| sd.is_finite()),
             by_group: Named(by_group),
             unit: self.mechanism.length_unit.clone(),
@@ -185,6 +184,14 @@ impl Beside {
 }
 
 impl Touched {
+    /// Three for each pose of the groups that were not fitted.
+    fn coordinates(&self, mechanism: &Mechanism) -> Result<f64, Error> {
+        let groups = groups_of(mechanism, &self.table, self.groups.as_deref())?.unwrap_or(&[]);
+        let poses = runs_of_poses(&self.table, mechanism.channels.len()).into_iter();
+        let own = poses.filter(|run| groups.get(run.start).is_some_and(|g| self.is_other(g)));
+        Ok((3 * own.count()) as f64)
+    }
+
     fn is_fitted(&self, name: &String) -> bool {
         self.keep.as_ref().is_none_or(|keep| keep.contains(name))
             && self.leave.as_ref().is_none_or(|leave| !leave.contains(name))

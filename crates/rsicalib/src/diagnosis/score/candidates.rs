@@ -75,16 +75,34 @@ pub fn lacking(observations: &Observations) -> Vec<(&'static str, String)> {
     terms::all(mechanism).iter().filter(acts).filter_map(lacks).collect()
 }
 
-/// Through so many places a line may not go: at fewer a law of the reading is of its noise.
+/// Through so many places a line may not go: at fewer a law of the reading, or of its way, is of its noise.
 const LINE: usize = 3;
 
 /// Standard deviations of a reading within which readings are of one place: all of a session but one in 10⁸.
-pub(crate) const ONE_PLACE: f64 = 6.0;
+const ONE_PLACE: f64 = 6.0;
 
-/// Places at which a channel has been read, apart by more than its noise, up to [`LINE`].
-fn places_apart(observations: &Observations, fit: &Fit, channel: usize) -> usize {
+/// Readings of a channel that differ by no more are of one place. A slide goes where the seating of a tip has it: how
+/// well closures hold moves it as its noise does.
+pub(crate) fn one_place(observations: &Observations, fit: &Fit, channel: usize) -> f64 {
+    let (mechanism, sigma) = (&observations.mechanism, fit.noise.sigma[channel]);
+    let seated = match mechanism.slides(channel) {
+        true => play(fit) / mechanism.channels[channel].gain.abs(),
+        false => 0.0,
+    };
+    ONE_PLACE * sigma.hypot(seated)
+}
+
+/// Largest standard deviation of a closure that holds a length [length].
+fn play(fit: &Fit) -> f64 {
+    let own = fit.noise.of_one_reading().by_closure(&fit.model).into_iter();
+    let lengths = own.zip(&fit.model.closures).filter(|(_, c)| !c.is_of_coordinates());
+    lengths.map(|(sd, _)| sd).fold(0.0, f64::max)
+}
+
+/// True where a channel has been read at places of which more than a line is told.
+pub(crate) fn has_places(observations: &Observations, fit: &Fit, channel: usize) -> bool {
     let Observations { readings, weights, .. } = observations;
-    let near = ONE_PLACE * fit.noise.sigma[channel];
+    let near = one_place(observations, fit, channel);
     let mut known: Vec<f64> = Vec::with_capacity(LINE);
     for row in (0..readings.samples).filter(|&row| weights[row] > 0.0) {
         let read = readings.row(row)[channel];
@@ -92,10 +110,10 @@ fn places_apart(observations: &Observations, fit: &Fit, channel: usize) -> usize
             known.push(read);
         }
         if known.len() == LINE {
-            break;
+            return true;
         }
     }
-    known.len()
+    false
 }
 
 /// Whether nothing tells the torque on which a term depends at a target. The torques are computed for
@@ -145,8 +163,9 @@ fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: T
         return false;
     }
     let of_reading = term.over() == Some(Over::Reading) && term.role() == Role::Other;
-    if let (true, Target::Channel(channel)) = (of_reading, target)
-        && places_apart(observations, fit, channel) < LINE
+    let of_side = term.needs().contains(&Needs::Approach);
+    if let (true, Target::Channel(channel)) = (of_reading || of_side, target)
+        && !has_places(observations, fit, channel)
     {
         return false;
     }

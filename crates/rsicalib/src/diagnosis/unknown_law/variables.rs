@@ -1,7 +1,7 @@
 //! The variables of a session on which an error may depend.
 
 use crate::Error;
-use crate::diagnosis::score::candidates::ONE_PLACE;
+use crate::diagnosis::score::candidates::{has_places, one_place};
 use crate::estimate::Observations;
 use crate::estimate::at_fit::AtFit;
 use crate::model::Model;
@@ -174,7 +174,7 @@ pub fn variables(at: &AtFit, rows: &[usize]) -> Result<Vec<Variable>, Error> {
         (0..readings.channels).map(|c| in_lane(&|block, lane| settled(block)[c].0[lane])).collect();
     let time = in_lane(&|block, lane| readings.blocks()[block].time.0[lane]);
     let noise = |c: usize| {
-        ONE_PLACE * at.fit.noise.sigma[c] * observations.mechanism.channels[c].gain.abs()
+        one_place(observations, at.fit, c) * observations.mechanism.channels[c].gain.abs()
     };
     for (c, theta) in thetas.iter().enumerate() {
         add(Variable::apart(Quantity::Theta(c), theta.clone(), noise(c)));
@@ -194,10 +194,13 @@ pub fn variables(at: &AtFit, rows: &[usize]) -> Result<Vec<Variable>, Error> {
         let way = Way { readings: theta, begins: &begins, still: still[c].max(noise(c)) };
         add(Variable::of(Quantity::Torque(c), in_lane(&|block, lane| torque(block, lane, c))));
         add(Variable::of(Quantity::Travelled(c), way.travelled()));
-        let side = |block: usize, lane: usize| readings.approach(block)[c].0[lane];
-        add(Variable::of(Quantity::Direction(c), in_lane(&side)));
-        add(Variable::of_plays(Quantity::Play(c), way.plays()));
-        add(Variable::of(Quantity::SinceTurn(c), way.since_turn()));
+        // From which side a channel came that stands at few places is as its noise has it.
+        if has_places(observations, at.fit, c) {
+            let side = |block: usize, lane: usize| readings.approach(block)[c].0[lane];
+            add(Variable::of(Quantity::Direction(c), in_lane(&side)));
+            add(Variable::of_plays(Quantity::Play(c), way.plays()));
+            add(Variable::of(Quantity::SinceTurn(c), way.since_turn()));
+        }
         add(Variable::of(Quantity::SinceMove(c), way.since_move(&time)));
         if moves {
             let of = |block: usize, lane: usize| readings.velocity(block)[c].0[lane];
