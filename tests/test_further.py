@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -283,6 +284,24 @@ def drifting(rng: np.random.Generator) -> Sessions:
         rsicalib.load_mechanism("rsi"), simulator.rest(device, rng)["values"]
     )
     return Sessions(readings, rsicalib.calibrate(readings, rest=rest))
+
+
+def test_a_pose_is_left_out_of_its_own_session_alone() -> None:
+    """Both sessions count their poses from 1: the label of a bad pose stands in both."""
+    first = rsicalib.load_readings(DEMO / "readings.csv")
+    # Once more, with noise of its own: the same to the last digit counts once.
+    rng = np.random.default_rng(3)
+    values = first.values + rng.normal(0, 0.5, first.values.shape)
+    bad = int(first.pose[len(values) // 2])
+    values[first.pose == bad, 4] += 200.0
+    second = replace(first, values=values)
+    result = rsicalib.trace([first, second])
+    entries = [entry for entry in result.excluded if entry.pose == bad]
+    assert [(entry.session, entry.channel is not None) for entry in entries] == [(2, True)]
+    assert f"session 2 pose {bad}" in result.summary(whole=True)
+    own = np.flatnonzero(first.pose == bad) + len(values)
+    assert set(own) <= set(Sessions([first, second], result).left_out)
+    assert not set(own - len(values)) & set(Sessions([first, second], result).left_out)
 
 
 def test_the_command_writes_what_the_guide_and_people_read(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,26 @@ def test_directions_of_the_other_poses_stay_where_poses_are_left_out() -> None:
     wrong = rsicalib.calibrate(alone, mechanism, terms=["offset", "gain", "hysteresis@a22"])
     assert found.fit.chi2 is not None and wrong.fit.chi2 is not None
     assert found.fit.chi2 < wrong.fit.chi2 - 50.0
+
+
+def test_a_pose_that_is_left_out_shows_how_far_it_is_off() -> None:
+    """Calibrated or traced: it looked perfect in the picture of a calibration."""
+    whole = rsicalib.load_readings(rsicalib.DEMO / "readings.csv")
+    bad = int(whole.pose[len(whole.pose) // 2])
+    values = whole.values.copy()
+    values[np.ix_(whole.pose == bad, [1, 4, 7])] += [200.0, 150.0, -180.0]
+    readings = replace(whole, values=values)
+    for found in (rsicalib.calibrate(readings), rsicalib.trace(readings)):
+        assert bad in [entry.pose for entry in found.excluded]
+        own = found.after_residuals
+        assert own is not None
+        at = list(dict.fromkeys(whole.pose.tolist())).index(bad)
+        others = np.delete(own, at, axis=0)
+        assert np.abs(own[at]).max() > 3 * np.abs(others).max()
+    # Where a pose is used, its residual is that of all its samples.
+    found = rsicalib.calibrate(whole)
+    assert found.after_residuals is not None and found.fit.chi2 is not None
+    assert np.sum(found.after_residuals**2) == pytest.approx(found.fit.chi2, rel=1e-6)
 
 
 def test_rows_of_rows_are_rows_of_the_session() -> None:

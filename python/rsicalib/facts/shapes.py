@@ -87,6 +87,8 @@ class Excluded(Record):
     """How many samples that are."""
     kind: str = "other"
     """Why, for programs."""
+    session: int | None = field(default=None, metadata=IF_KNOWN)
+    """Session of the pose, counted from 1, where there are several."""
 
 
 class HeldOut(Record):

@@ -78,7 +78,9 @@ class Sessions:
     def left_out(self) -> list[int]:
         """Rows that the result leaves out."""
         pose = np.concatenate([r.pose for r in self.readings])
-        first = np.r_[True, pose[1:] != pose[:-1]]
+        rows = [len(r.pose) for r in self.readings]
+        session = np.repeat(np.arange(1, len(rows) + 1), rows)
+        first = np.r_[True, (pose[1:] != pose[:-1]) | (session[1:] != session[:-1])]
         starts = np.flatnonzero(first)
         sample = np.arange(len(pose)) - np.repeat(starts, np.diff(np.r_[starts, len(pose)])) + 1
         keys = self.mechanism.key_columns
@@ -89,6 +91,8 @@ class Sessions:
                 out |= np.array([g == bad.group for g in group]) if keys else False
             else:
                 own = pose == bad.pose
+                if bad.session is not None:
+                    own &= session == bad.session
                 out |= own if bad.sample is None else own & (sample == bad.sample)
         return [int(row) for row in np.flatnonzero(out)]
 

@@ -532,7 +532,8 @@ def law_words(law: CurveLaw) -> str:
 
 def excluded_words(entry: Excluded) -> str:
     """Which reading was left out, and why."""
-    places = [("pose", entry.pose), ("sample", entry.sample), ("group", entry.group)]
+    places = [("session", entry.session), ("pose", entry.pose), ("sample", entry.sample)]
+    places += [("group", entry.group)]
     places += [("", entry.chain), ("", entry.channel)]
     where = " ".join(f"{word} {place}".strip() for word, place in places if place is not None)
     return f"{where}: {entry.reason}"
@@ -543,10 +544,8 @@ def advice(result: ResultShape) -> list[str]:
     out = []
     fit = quality(result)
     if result.verdict in ("adequate", "explained"):
-        steps = result.steps if isinstance(result, TraceShape) else ()
-        aside = _aside([subject(s) for s in steps if not s.applied])
         how = f"rsicalib forward READINGS{_given(result)} --calibration result.json"
-        out.append(f"Use it{aside}: {how}.")
+        out.append(f"{_use(result)}: {how}.")
     # Where nothing was fitted, what is lacking says what to do.
     if result.verdict == "undetermined" and result.parameters:
         less = (
@@ -594,12 +593,18 @@ def _given(result: ResultShape) -> str:
     return "" if result.mechanism == DEFAULT else " --mechanism FILE"
 
 
-def _aside(left: Sequence[str]) -> str:
-    """What was found and is no part of a calibration."""
+def _use(result: ResultShape) -> str:
+    """What a calibration gives where it is used, with what was found and is no part of it."""
+    steps = result.steps if isinstance(result, TraceShape) else ()
+    left = [subject(s) for s in steps if not s.applied]
     if not left:
-        return ""
+        return "Use it"
+    if len(left) == len(steps):
+        return "Use it as the calibration without what was found (--apply-all applies that)"
     many = "is" if len(left) == 1 else "are"
-    return f", but {listed_words(left)} {many} not applied (--apply-all applies what was found)"
+    return (
+        f"Use it, but {listed_words(left)} {many} not applied (--apply-all applies what was found)"
+    )
 
 
 TRACED = ("residual", "check", "check_orientation")

@@ -34,7 +34,7 @@ use crate::mechanism::Target;
 use crate::model::{Model, Thing};
 use crate::numerics::component::{Component, Contrasts};
 use crate::numerics::symmetric::{dot, invert};
-use crate::readings::{along, ascending};
+use crate::readings::{Readings, along, ascending};
 use crate::terms::PointPosition;
 use crate::terms::term::{Placed, Role, Spot};
 
@@ -149,7 +149,7 @@ fn changing(model: &Model, sums: &Sums) -> Vec<(usize, f64)> {
     for unknown in model.unknowns.iter().filter(|u| matches!(u.thing, Thing::Point(_))) {
         let columns = model.term_parameters + unknown.first..;
         for column in columns.take(unknown.width) {
-            if sums.gram.iter().filter(|gram| gram[(column, column)] > 0.0).count() > 1 {
+            if sums.0.iter().filter(|sum| sum.square(column) > 0.0).count() > 1 {
                 changing.extend(size.map(|size| (column, size)));
             }
         }
@@ -157,17 +157,35 @@ fn changing(model: &Model, sums: &Sums) -> Vec<(usize, f64)> {
     changing
 }
 
-/// `X_gᵀX_g` and `X_gᵀr_g` of each group, in units of the noise.
-struct Sums {
-    gram: Vec<Mat<f64>>,
-    pull: Vec<Vec<f64>>,
+/// What one group tells, in units of the noise: of the parameters that it tells of.
+struct Sum {
+    /// These parameters, ascending: what other groups touch is none of them.
+    used: Vec<usize>,
+    /// `X_gᵀX_g` of these.
+    gram: Mat<f64>,
+    /// `X_gᵀr_g` of these.
+    pull: Vec<f64>,
     /// `r_gᵀr_g`
-    squares: Vec<f64>,
+    squares: f64,
     /// Equations.
-    told: Vec<f64>,
+    told: f64,
     /// Its share of what repeats scatter.
-    repeats: Vec<f64>,
+    repeats: f64,
 }
+
+impl Sum {
+    fn place(&self, column: usize) -> Option<usize> {
+        self.used.binary_search(&column).ok()
+    }
+
+    /// The diagonal of `X_gᵀX_g` at a parameter.
+    fn square(&self, column: usize) -> f64 {
+        self.place(column).map_or(0.0, |k| self.gram[(k, k)])
+    }
+}
+
+/// What each group tells.
+struct Sums(Vec<Sum>);
 
 impl Sums {
     fn of(observations: &Observations, fit: &Fit, of_row: &[usize], groups: usize) -> Self {
@@ -175,37 +193,58 @@ impl Sums {
         let part = Part { model: &fit.model, readings, weights: Some(weights) };
         let residuals = Implicit::of(part, fit.assumed()).residuals(&fit.beta, true);
         let (n, k) = (fit.model.parameters, residuals.equations);
-        let mut gram = vec![Mat::zeros(n, n); groups];
-        let mut pull = vec![vec![0.0; n]; groups];
-        let (mut squares, mut told) = (vec![0.0; groups], vec![0.0; groups]);
-        let [mut rows, mut poses] = [0, 1].map(|_| vec![0.0; groups]);
-        let mut seen = vec![false; readings.poses()];
         let live = (0..readings.samples).filter(|row| weights[*row] > 0.0);
+        let repeats = repeats(readings, live.clone(), of_row, groups);
+        let slopes = |equation: usize| &residuals.by_parameter[equation * n..(equation + 1) * n];
+        let (mut used, mut told) = (vec![vec![false; n]; groups], vec![0.0; groups]);
         for row in live.clone() {
-            let group = of_row[row];
-            told[group] += residuals.directions_of(row) as f64;
-            rows[group] += 1.0;
-            if !std::mem::replace(&mut seen[readings.pose[row]], true) {
-                poses[group] += 1.0;
+            told[of_row[row]] += residuals.directions_of(row) as f64;
+            for equation in row * k..(row + 1) * k {
+                let used = used[of_row[row]].iter_mut().zip(slopes(equation));
+                used.for_each(|(used, slope)| *used |= *slope != 0.0);
             }
         }
-        // Where no pose repeats, rows of a recording repeat their neighbours.
-        let more = rows.iter().zip(&poses).map(|(rows, poses)| rows - poses).collect::<Vec<f64>>();
-        let more = if more.iter().any(|m| *m > 0.0) { more } else { rows };
-        let all: f64 = more.iter().sum();
-        let repeats = more.iter().map(|more| more / all).collect();
+        let empty = |group: usize| {
+            let used: Vec<usize> = (0..n).filter(|&i| used[group][i]).collect();
+            let (gram, pull) = (Mat::zeros(used.len(), used.len()), vec![0.0; used.len()]);
+            Sum { used, gram, pull, squares: 0.0, told: told[group], repeats: repeats[group] }
+        };
+        let mut sums: Vec<Sum> = (0..groups).map(empty).collect();
         for equation in live.flat_map(|row| row * k..(row + 1) * k) {
-            let group = of_row[equation / k];
-            squares[group] += residuals.whitened[equation].powi(2);
-            let x = &residuals.by_parameter[equation * n..(equation + 1) * n];
-            let used: Vec<usize> = (0..n).filter(|&i| x[i] != 0.0).collect();
-            for &i in &used {
-                pull[group][i] += x[i] * residuals.whitened[equation];
-                used.iter().for_each(|&j| gram[group][(i, j)] += x[i] * x[j]);
+            let sum = &mut sums[of_row[equation / k]];
+            let (own, x) = (residuals.whitened[equation], slopes(equation));
+            sum.squares += own.powi(2);
+            let x: Vec<f64> = sum.used.iter().map(|&i| x[i]).collect();
+            let told: Vec<usize> = (0..x.len()).filter(|&i| x[i] != 0.0).collect();
+            for &i in &told {
+                sum.pull[i] += x[i] * own;
+                told.iter().for_each(|&j| sum.gram[(i, j)] += x[i] * x[j]);
             }
         }
-        Self { gram, pull, squares, told, repeats }
+        Self(sums)
     }
+}
+
+/// The share of each group of what repeats scatter.
+fn repeats(
+    readings: &Readings,
+    live: impl Iterator<Item = usize>,
+    of_row: &[usize],
+    groups: usize,
+) -> Vec<f64> {
+    let [mut rows, mut poses] = [0, 1].map(|_| vec![0.0; groups]);
+    let mut seen = vec![false; readings.poses()];
+    for row in live {
+        rows[of_row[row]] += 1.0;
+        if !std::mem::replace(&mut seen[readings.pose[row]], true) {
+            poses[of_row[row]] += 1.0;
+        }
+    }
+    // Where no pose repeats, rows of a recording repeat their neighbours.
+    let more = rows.iter().zip(&poses).map(|(rows, poses)| rows - poses).collect::<Vec<f64>>();
+    let more = if more.iter().any(|m| *m > 0.0) { more } else { rows };
+    let all: f64 = more.iter().sum();
+    more.iter().map(|more| more / all).collect()
 }
 
 /// What groups tell at a fit.
@@ -221,8 +260,10 @@ impl Told<'_> {
     /// `N` of some groups, priors included.
     fn normal(&self, groups: &[usize]) -> Mat<f64> {
         let mut normal = self.fit.gram.clone();
-        for group in (0..self.sums.gram.len()).filter(|g| !groups.contains(g)) {
-            normal -= &self.sums.gram[group];
+        for (_, sum) in self.sums.0.iter().enumerate().filter(|(g, _)| !groups.contains(g)) {
+            for (l, &j) in sum.used.iter().enumerate() {
+                sum.used.iter().enumerate().for_each(|(k, &i)| normal[(i, j)] -= sum.gram[(k, l)]);
+            }
         }
         normal
     }
@@ -235,8 +276,8 @@ impl Told<'_> {
             let off = prior.off(&self.fit.beta);
             prior.slopes(&self.fit.beta).into_iter().for_each(|(i, by)| slope[i] += by * off);
         }
-        for &g in groups {
-            slope.iter_mut().zip(&self.sums.pull[g]).for_each(|(s, p)| *s += p);
+        for sum in groups.iter().map(|&g| &self.sums.0[g]) {
+            sum.used.iter().zip(&sum.pull).for_each(|(&i, pull)| slope[i] += pull);
         }
         (0..n).map(|i| (0..n).map(|j| inverse[(i, j)] * slope[j]).sum()).collect()
     }
@@ -250,15 +291,15 @@ impl Told<'_> {
         let inflation = if *within > 0.0 { noise.inflation } else { 1.0 };
         let step = self.step(inverse, groups);
         let (mut squares, mut dof, mut repeats) = (0.0, 0.0, 0.0);
-        for &g in groups {
-            let (gram, pull) = (&self.sums.gram[g], &self.sums.pull[g]);
-            squares += self.sums.squares[g];
-            dof += self.sums.told[g];
-            repeats += self.sums.repeats[g];
-            for (i, by) in step.iter().enumerate() {
-                let column = gram.col_as_slice(i);
-                squares += by * (dot(column, &step) - 2.0 * pull[i]);
-                dof -= dot(inverse.col_as_slice(i), column);
+        for sum in groups.iter().map(|&g| &self.sums.0[g]) {
+            squares += sum.squares;
+            dof += sum.told;
+            repeats += sum.repeats;
+            let own: Vec<f64> = sum.used.iter().map(|&i| step[i]).collect();
+            for (k, &i) in sum.used.iter().enumerate() {
+                let (column, inverse) = (sum.gram.col_as_slice(k), inverse.col_as_slice(i));
+                squares += own[k] * (dot(column, &own) - 2.0 * sum.pull[k]);
+                dof -= sum.used.iter().zip(column).map(|(&j, gram)| inverse[j] * gram).sum::<f64>();
             }
         }
         let chi2 = (squares - scattered * repeats).max(0.0) / inflation;
@@ -267,11 +308,14 @@ impl Told<'_> {
 
     /// `X_gᵀX_g E S^½`
     fn columns(&self, group: usize) -> Mat<f64> {
-        let gram = &self.sums.gram[group];
-        Mat::from_fn(gram.nrows(), self.changing.len(), |i, k| {
-            let (column, typical) = self.changing[k];
-            gram[(i, column)] * typical
-        })
+        let (sum, n) = (&self.sums.0[group], self.fit.model.parameters);
+        let mut columns = Mat::zeros(n, self.changing.len());
+        for (k, (column, typical)) in self.changing.iter().enumerate() {
+            let Some(own) = sum.place(*column) else { continue };
+            let told = sum.used.iter().enumerate();
+            told.for_each(|(at, &i)| columns[(i, k)] = sum.gram[(at, own)] * typical);
+        }
+        columns
     }
 
     /// (131) of some groups, whose `N⁻¹`, χ² and degrees of freedom are given.
@@ -295,7 +339,9 @@ impl Told<'_> {
             wide.subcols_mut(at * m, m).copy_from(&columns);
             for (k, (column, typical)) in self.changing.iter().enumerate() {
                 let taken: f64 = (0..n).map(|i| columns[(i, k)] * step[i]).sum();
-                left[at * m + k] = self.sums.pull[g][*column] * typical - taken;
+                let sum = &self.sums.0[g];
+                let pull = sum.place(*column).map_or(0.0, |at| sum.pull[at]);
+                left[at * m + k] = pull * typical - taken;
                 for l in 0..m {
                     own[(at * m + k, at * m + l)] = columns[(*column, l)] * typical;
                 }

@@ -9,6 +9,7 @@ use crate::estimate::Observations;
 use crate::estimate::directions::directions;
 use crate::estimate::progress::{Job, Stage};
 use crate::report::beside::{Beside, GroupsReport};
+use crate::report::by_pose::by_pose;
 use crate::report::result::{
     self, Estimates, ExcludedReport, FitReport, WithExcluded, estimates, excluded,
 };
@@ -152,21 +153,6 @@ pub fn of(
         nominal,
         groups,
         estimates,
-        after_residuals: by_pose(calibrated),
+        after_residuals: by_pose(used, fit),
     })
-}
-
-/// Residuals of poses from those of samples: their sum over the root of how many there are.
-fn by_pose(calibrated: &Calibrated) -> Vec<f64> {
-    let (readings, residuals) = (&calibrated.observations.readings, &calibrated.fit.residuals);
-    let k = residuals.equations.max(1);
-    let (mut sums, mut counts) = (vec![0.0; readings.poses() * k], vec![0.0; readings.poses()]);
-    for (&pose, of_row) in readings.pose.iter().zip(residuals.whitened.chunks_exact(k)) {
-        counts[pose] += 1.0;
-        sums[pose * k..(pose + 1) * k].iter_mut().zip(of_row).for_each(|(sum, r)| *sum += r);
-    }
-    for (sums, count) in sums.chunks_exact_mut(k).zip(counts) {
-        sums.iter_mut().for_each(|sum| *sum /= f64::sqrt(count));
-    }
-    sums
 }

@@ -124,8 +124,9 @@ fn reasons(excluded: &[ExcludedReport]) -> Vec<String> {
 
 /// Which reading was left out, and why.
 fn left_out(excluded: &ExcludedReport) -> String {
-    let ExcludedReport { pose, sample, group, chain, channel, reason, .. } = excluded;
+    let ExcludedReport { session, pose, sample, group, chain, channel, reason, .. } = excluded;
     let mut place: Vec<String> = Vec::new();
+    place.extend(session.map(|session| format!("session {session}")));
     place.extend(pose.map(|pose| format!("pose {pose}")));
     place.extend(sample.map(|sample| format!("sample {sample}")));
     place.extend(group.as_ref().map(|group| format!("group {group}")));

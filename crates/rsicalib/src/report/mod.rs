@@ -4,6 +4,7 @@
 pub mod beside;
 #[doc(hidden)]
 pub mod between;
+pub(crate) mod by_pose;
 #[doc(hidden)]
 pub mod calibrated;
 #[cfg(feature = "document")]

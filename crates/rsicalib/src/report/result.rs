@@ -415,6 +415,9 @@ pub struct ExcludedReport {
     /// Why, for programs.
     #[cfg_attr(feature = "serde", serde(default))]
     pub kind: ExcludedKind,
+    /// Session of the pose, counted from 1, where there are several.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub session: Option<u64>,
 }
 
 /// Why readings are left out.
@@ -499,6 +502,10 @@ pub fn excluded(observations: &Observations, excluded: &Excluded) -> ExcludedRep
         chain: excluded.chain.map(|c| mechanism.chains[c].name.clone()),
         channel: excluded.channel.map(|c| mechanism.channels[c].name.clone()),
         samples: Some(excluded.samples as u64),
+        session: excluded
+            .pose
+            .filter(|_| readings.sessions > 1)
+            .map(|p| readings.session_of_pose[p] as u64 + 1),
         kind: ExcludedKind::of(&excluded.cause),
         reason: words::cause(mechanism, &excluded.cause, excluded.samples, readings.held),
     }

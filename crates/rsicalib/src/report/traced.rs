@@ -19,12 +19,13 @@ use crate::diagnosis::unknown_law::{UNKNOWN_LAW, UnknownLaw};
 use crate::diagnosis::verdict::{self, Compared, Determined, Evidence, Judgement, Verdict};
 use crate::estimate::directions::{directions, reported, unit};
 use crate::estimate::progress::{Job, Progress, Stage};
-use crate::estimate::{Fit, Implicit, Note, Observations, Part, fit, with_groups};
+use crate::estimate::{Fit, Note, Observations, fit, with_groups};
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::monitor::closing::OpenLoops;
 use crate::numerics::order;
 use crate::report::beside::{Beside, GroupsReport};
+use crate::report::by_pose::by_pose;
 use crate::report::result::{self, Estimates, FitReport, WithExcluded, estimates, excluded};
 use crate::report::trace_report::{
     FoundLaw, Left, Place, RivalReport, StepParameter, StepReport, TraceReport, Unexplained,
@@ -476,27 +477,4 @@ fn step(
         curve_sd: points.iter().map(|p| p[2]).collect(),
         curve: points.iter().map(|p| [p[0], p[1]]).collect(),
     }
-}
-
-/// Whitened residuals pose by pose, in the order of the poses, equation by equation. What was left
-/// out has the residual that it would have with the weight of the others.
-pub(crate) fn by_pose(observations: &Observations, fit: &Fit) -> Vec<f64> {
-    let k = fit.residuals.equations;
-    let out = |row: &usize| observations.weights[*row] <= 0.0;
-    let readings = &observations.readings;
-    let mut first = vec![usize::MAX; readings.poses()];
-    for (row, &pose) in readings.pose.iter().enumerate() {
-        first[pose] = first[pose].min(row);
-    }
-    let part = Part { model: &fit.model, readings, weights: None };
-    let all = first.iter().any(out).then(|| {
-        Implicit::of(part, fit.assumed()).residuals_keeping(&fit.beta, false, Some(&[])).whitened
-    });
-    let of = |row: &usize| match &all {
-        Some(all) if out(row) => &all[row * k..(row + 1) * k],
-        _ => &fit.residuals.whitened[row * k..(row + 1) * k],
-    };
-    let mut found = Vec::with_capacity(k * first.len());
-    first.iter().for_each(|row| found.extend_from_slice(of(row)));
-    found
 }

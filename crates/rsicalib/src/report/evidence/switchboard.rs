@@ -6,9 +6,9 @@ use crate::diagnosis::score::scored::is_data;
 use crate::estimate::directions::{parameter_names, reported};
 use crate::estimate::{Fit, Observations, fit, with_conventions};
 use crate::model::Instance;
+use crate::report::by_pose::by_pose;
 use crate::report::evidence::shapes::{ParameterName, Switch, SwitchFit, Switchboard};
 use crate::report::trace_report::Place;
-use crate::report::traced::by_pose;
 use crate::screening::excluded::Excluded;
 
 /// Most switches.

@@ -1,7 +1,7 @@
 //! Which law: a formula that does as well as a smooth function, by (156).
 //!
 //! Formulas are sums of few products of a factor of each variable: powers from a place, waves of an angle,
-//! steps and bends at a place, decays of time. The columns `Z` of a sum follow from (71), so that none is
+//! steps and bends at a place, what saturates, ratios, decays of time. The columns `Z` of a sum follow from (71), so that none is
 //! refitted: with `T = uᵀ M⁻¹ u` for its `K` columns, among `N_K` such sums of a few places and whole orders
 //!
 //! ```text

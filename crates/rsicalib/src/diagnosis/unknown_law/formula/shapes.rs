@@ -73,6 +73,10 @@ pub(super) enum Shape {
     Step { at: f64 },
     /// `max(x - at, 0)`
     Bend { at: f64 },
+    /// `tanh((x - at)/width)`, which saturates.
+    Saturation { at: f64, width: f64 },
+    /// `1/(x - from)`, from beyond what the variable spans.
+    Ratio { from: f64 },
     /// `play[x, width]`, of a way.
     Play { width: f64 },
 }
@@ -86,6 +90,8 @@ impl Shape {
             Self::Decay { length } => (-x / length).exp(),
             Self::Step { at } => f64::from(u8::from(x >= at)),
             Self::Bend { at } => (x - at).max(0.0),
+            Self::Saturation { at, width } => ((x - at) / width).tanh(),
+            Self::Ratio { from } => (x - from).recip(),
             Self::Play { .. } => f64::NAN,
         }
     }
@@ -105,6 +111,10 @@ impl Shape {
             Self::Decay { length } => format!("exp(-{x}/{})", significant(length, DIGITS)),
             Self::Step { at } => format!("step({})", less(x, at, false)),
             Self::Bend { at } => format!("max({}, 0)", less(x, at, false)),
+            Self::Saturation { at, width } => {
+                format!("tanh({}/{})", less(x, at, true), significant(width, DIGITS))
+            }
+            Self::Ratio { from } => format!("1/{}", less(x, from, true)),
             Self::Play { width } => format!("play[{x}, {}]", significant(width, DIGITS)),
         }
     }
@@ -118,6 +128,8 @@ impl Shape {
             Self::Step { .. } => -3,
             Self::Bend { .. } => -4,
             Self::Play { .. } => -5,
+            Self::Saturation { .. } => -7,
+            Self::Ratio { .. } => -8,
         }
     }
 
@@ -135,6 +147,13 @@ impl Shape {
             ],
             Self::Decay { length } => vec![(length, [length / 3.0, 3.0 * length])],
             Self::Step { at } | Self::Bend { at } => vec![(at, [at - part, at + part])],
+            Self::Saturation { at, width } => {
+                vec![(at, [*low, *high]), (width, [width / 3.0, 3.0 * width])]
+            }
+            Self::Ratio { from } if from < *low => {
+                vec![(from, [3.0 * low - 2.0 * high, low - part])]
+            }
+            Self::Ratio { from } => vec![(from, [high + part, 3.0 * high - 2.0 * low])],
             Self::Play { width } => vec![(width, [0.5 * width, (2.0 * width).min(high - low)])],
         }
     }
@@ -154,6 +173,9 @@ impl Shape {
             Self::Decay { .. } => Self::Decay { length: value },
             Self::Step { .. } => Self::Step { at: value },
             Self::Bend { .. } => Self::Bend { at: value },
+            Self::Saturation { width, .. } if which == 0 => Self::Saturation { at: value, width },
+            Self::Saturation { at, .. } => Self::Saturation { at, width: value },
+            Self::Ratio { .. } => Self::Ratio { from: value },
             Self::Play { .. } => Self::Play { width: value },
         }
     }
@@ -261,6 +283,13 @@ fn shapes(x: &Named, alone: bool) -> Vec<Shape> {
     if x.grows {
         out.extend(DECAYS.map(|part| Shape::Decay { length: written(part * high) }));
     }
+    let part = (high - low) / parts_of_formulas() as f64;
+    let places = [low + 2.0 * part, middle, high - 2.0 * part];
+    out.extend(places.map(|at| Shape::Saturation { at: written(at), width: written(part) }));
+    out.extend(
+        [low, high]
+            .map(|end| Shape::Ratio { from: written(end + 2.0 * part.copysign(end - middle)) }),
+    );
     for part in 1..parts_of_formulas() {
         let at = written(low + (high - low) * part as f64 / parts_of_formulas() as f64);
         out.extend([Shape::Step { at }, Shape::Bend { at }]);
