@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -139,6 +140,14 @@ def test_a_corrected_bag_is_read_again_by_another_library(traced: Trace, tmp_pat
     assert list(messages[0].name) == list(rsicalib.load_readings(DEMO).channels)
     log = rsicalib.import_log(path, hold=0)
     assert np.array_equal(log.sessions[0].columns["a22"], wanted[:, 4])
+
+
+def test_a_bag_has_the_times_of_the_readings_and_no_others(traced: Trace) -> None:
+    pytest.importorskip("rosbags", reason="the extra ros is not installed")
+    whole = rsicalib.load_readings(DEMO)
+    for times, found in ((None, "no such column"), (np.arange(len(whole)) - 5.0, "-5 in sample 1")):
+        with pytest.raises(InputError, match=f"time_s: found {found}, expected the time of each"):
+            export_result(traced, "mcap", readings=replace(whole, time_s=times))
 
 
 def test_parameters_of_ros_2_are_read_by_a_library_of_yaml(traced: Trace) -> None:

@@ -119,6 +119,21 @@ def rows(taken: cone.Seatings, without: str, numbered: bool) -> dict[str, Any]:
     return table
 
 
+@pytest.mark.parametrize(
+    ("wrong", "poses", "meant"),
+    [("Bench", 3, "bench"), ("bnech", 1, "bench"), ("bench2", 1, ""), ("rack", 1, "")],
+)
+def test_a_label_that_looks_misspelt_is_said(wrong: str, poses: int, meant: str) -> None:
+    """Each text is a place of its own: of a place that was touched once nothing can be told."""
+    taken = cone.session(6, poses=12)
+    at = np.array(["bench"] * len(taken.table["pose"]), dtype=object)
+    at[np.isin(taken.table["pose"], np.unique(taken.table["pose"])[3 : 3 + poses])] = wrong
+    loaded = rsicalib.load_readings({**taken.table, "at": at.tolist()}, mechanism(None, PLAY))
+    said = [warning.text for warning in loaded.warnings if warning.kind == "labels"]
+    assert len(said) == bool(meant)
+    assert all(f"column at: {wrong!r} (" in text and f"than {meant!r}" in text for text in said)
+
+
 def test_repeats_without_the_column_pose_are_said() -> None:
     taken = cone.session(6, poses=12)
     own = mechanism(None, PLAY)

@@ -277,3 +277,81 @@ def test_a_sound_scara_at_sockets_of_one_height_is_adequate() -> None:
     drawn = Mechanism.from_toml(SCARA)
     verdicts = [rsicalib.trace(seated(seed), drawn).verdict for seed in range(sized(5, 40))]
     assert sum(verdict != "adequate" for verdict in verdicts) <= sized(1, 3), verdicts
+
+
+FIVE_AXES = """
+name = "five axes"
+length_unit = "mm"
+channel = [
+  {name = "x", unit = "mm", gain = 1.0, offset = 0.0, noise = 0.001},
+  {name = "y", unit = "mm", gain = 1.0, offset = 0.0, noise = 0.001},
+  {name = "z", unit = "mm", gain = 1.0, offset = 0.0, noise = 0.001},
+  {name = "a", unit = "rad", gain = 1.0, offset = 0.0, noise = 1e-5, limits = [-2.1, 0.8]},
+  {name = "c", unit = "rad", gain = 1.0, offset = 0.0, noise = 1e-5},
+]
+[[chain]]
+name = "spindle"
+dh = [
+  {rpy = [0, 1.5707963267948966, 0]},
+  {channel = "x", joint = "prismatic", rpy = [-1.5707963267948966, 0, 0]},
+  {channel = "y", joint = "prismatic", rpy = [0, -1.5707963267948966, 0]},
+  {channel = "z", joint = "prismatic"},
+]
+[[chain]]
+name = "table"
+dh = [
+  {xyz = [0, 0, 80], rpy = [0, 1.5707963267948966, 0]},
+  {channel = "a", rpy = [0, -1.5707963267948966, 0]},
+  {xyz = [0, 0, -30]},
+  {channel = "c"},
+]
+[[point]]
+name = "tip"
+chain = "spindle"
+at = [0, 0, -150]
+[[point]]
+name = "sphere"
+chain = "table"
+at = [120, 35, 60]
+[[closure]]
+name = "probe"
+kind = "touch"
+between = ["tip", "sphere"]
+noise = 0.003
+[model]
+terms = ["offset@x", "offset@y", "offset@z", "offset@a", "point_position@table"]
+"""
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_machine_whose_image_in_a_mirror_closes_is_told_by_its_limits(sign: float) -> None:
+    """With the table's sign reversed the joint before it closes half a turn on: `adequate`.
+
+    There it is beyond its limits in every pose, and the sphere is on the other side of the table.
+    """
+    rng = np.random.default_rng(2)
+    a, c = rng.uniform(-1.8, 0.6, 60), rng.uniform(-3, 3, 60)
+    sphere = np.array([120.0, 35.0, 60.0])
+    turned = np.array(
+        [
+            np.cos(c) * sphere[0] - np.sin(c) * sphere[1],
+            np.sin(c) * sphere[0] + np.cos(c) * sphere[1],
+            np.full(60, sphere[2] - 30.0),
+        ]
+    )
+    tilted = [
+        turned[0],
+        np.cos(a) * turned[1] - np.sin(a) * turned[2],
+        np.sin(a) * turned[1] + np.cos(a) * turned[2],
+    ]
+    slides = np.array(tilted) + np.array([[0.0], [0.0], [80.0 + 150.0]])
+    slides += 0.003 * rng.standard_normal(slides.shape)
+    read = {"x": slides[0], "y": slides[1], "z": slides[2], "a": a, "c": sign * c}
+    found = rsicalib.trace(read, Mechanism.from_toml(FIVE_AXES))
+    if sign > 0:
+        assert found.verdict == "adequate"
+        return
+    assert found.verdict == "implausible"
+    (why,) = found.implausible
+    assert (why.kind, why.target) == ("absurd_offset", "a")
+    assert "its limits are -2.1 and 0.8" in why.text and "in a mirror" in found.summary()

@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import rsicalib
+from rsicalib import InputError
 from tests import cone
 from tests.full import sized
 from tests.oracle import Array
@@ -98,3 +99,65 @@ def test_an_effect_beside_noise_that_is_declared_too_small_is_applied(seed: int)
     (step,) = found.steps
     assert (step.term, step.target, step.not_applied) == ("gain", "q3", None)
     assert "noise" in {warning.kind for warning in found.warnings}
+
+
+@pytest.mark.parametrize("mistake", ["exchanged", "reversed"])
+@pytest.mark.parametrize("noise", sized([SIGMA], [SIGMA, None]))
+def test_columns_of_the_other_hand_are_said(noise: float | None, mistake: str) -> None:
+    """Left-handed: no turn of the tracker undoes it. No effect is named for it."""
+    readings, _ = session(5, SIGMA, knocked=False)
+    if mistake == "exchanged":
+        readings["y"], readings["z"] = readings["z"], readings["y"]
+    else:
+        readings["x"] = [-x for x in readings["x"]]
+    found = rsicalib.trace(readings, drawn(noise))
+    (said,) = [warning for warning in found.warnings if warning.kind == "left_handed"]
+    assert "x, y, z" in said.text and "left-handed" in said.text
+    assert not found.steps and found.exit_code != 0
+
+
+def test_columns_in_another_order_of_the_same_hand_are_a_turn_of_the_tracker() -> None:
+    readings, _ = session(5, SIGMA, knocked=False)
+    readings["x"], readings["y"], readings["z"] = readings["y"], readings["z"], readings["x"]
+    found = rsicalib.trace(readings, drawn(SIGMA))
+    assert found.verdict == "adequate" and not found.warnings
+
+
+@pytest.mark.parametrize("times", [1e-3, 1 / 25.4])
+def test_columns_in_another_unit_are_said(times: float) -> None:
+    """A tracker that writes metres, or inches."""
+    readings, _ = session(5, SIGMA, knocked=False)
+    for axis in "xyz":
+        readings[axis] = [times * x for x in readings[axis]]
+    found = rsicalib.trace(readings, drawn(SIGMA))
+    (said,) = [warning for warning in found.warnings if warning.kind == "units"]
+    assert f"with {1 / times:.4g} times these" in said.text and said.target == "cone"
+    assert not found.steps and found.exit_code != 0
+
+
+def test_a_part_of_a_point_that_was_seen_is_refused() -> None:
+    readings, _ = session(5, SIGMA, knocked=False)
+    readings["y"][7] = float("nan")
+    with pytest.raises(InputError, match=r"y: found NaN, expected a .* or all of x y z empty"):
+        rsicalib.calibrate(readings, drawn(SIGMA))
+    for axis in "xz":
+        readings[axis][7] = float("nan")
+    with pytest.raises(InputError, match="NaN"):  # the only closure of the row
+        rsicalib.calibrate(readings, drawn(SIGMA))
+
+
+@pytest.mark.parametrize("seed", sized([2], list(range(10))))
+def test_an_instrument_that_reads_long_is_named(seed: int) -> None:
+    """Of links that are all longer by the same part it cannot be told: these are drawn."""
+    readings, _ = session(seed, SIGMA, knocked=False)
+    for axis in "xyz":
+        readings[axis] = [1.0004 * x for x in readings[axis]]
+    found = rsicalib.trace(readings, drawn(SIGMA))
+    assert found.verdict == "explained"
+    fits = {s.term for step in found.steps for s in (step, *step.also_fits)}
+    assert "instrument_scale" in fits, found.summary()
+    (step,) = found.steps
+    if step.term == "instrument_scale":
+        (scale,) = step.parameters
+        assert scale.value is not None and scale.sd is not None
+        assert abs(scale.value - (1 / 1.0004 - 1)) < 4 * scale.sd

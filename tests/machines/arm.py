@@ -277,6 +277,7 @@ class Job:
         self.closures.append((seen(rows, self.late), [TRACKER] * 3))
         at = ("tracker", "tool at marker", "marker")
         self.effects.append(named("step@tracker", 0.2, *at))
+        self.effects.append(named("scale@tracker", 3e-4, *at))
         self.points.append({"name": "marker", "columns": list(SEEN), "frame": "tracker"})
         self.close("tool at marker", "touch", "marker", TRACKER)
         self.more["frame"] = [{"name": "tracker", "unknown": []}]

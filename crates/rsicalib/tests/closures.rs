@@ -439,7 +439,7 @@ fn the_slope_by_a_joint_of_a_plate_is_exact_where_its_poses_have_settled() {
 }
 
 #[test]
-fn an_instrument_that_was_knocked_sees_marks_from_elsewhere_from_its_pose_on() {
+fn an_instrument_that_was_knocked_and_reads_long_sees_marks_elsewhere() {
     let device = watched_plate(How::Held, 3);
     let readings = device.readings();
     let term = find("frame_slip").expect("the term");
@@ -448,8 +448,15 @@ fn an_instrument_that_was_knocked_sees_marks_from_elsewhere_from_its_pose_on() {
     // Two knocks, one after the other.
     let knocks =
         [(9, [0.02, -0.03, 0.01, 4e-3, -3e-3, 5e-3]), (15, [0.01, 0.015, -0.02, 0.1, 0.2, -0.1])];
+    let scale = find("instrument_scale").expect("the term");
+    let scale = Instance { term: scale, target: Target::Closure(look), place: 0 };
     let instances = knocks.map(|(place, _)| own(place));
-    let (model, beta) = device.model(&readings, &instances, &knocks.map(|(_, by)| by).concat());
+    let long = 0.013;
+    let (model, beta) = device.model(
+        &readings,
+        &[&instances[..], &[scale]].concat(),
+        &[&knocks.map(|(_, by)| by).concat()[..], &[long]].concat(),
+    );
     let stands = Vector3::from_row_slice(&INSTRUMENT[..3]);
     let legs = device.mechanism.channels.len();
     let about = |pose: &[f64; 6]| turned([pose[3], pose[4], pose[5]]);
@@ -465,7 +472,7 @@ fn an_instrument_that_was_knocked_sees_marks_from_elsewhere_from_its_pose_on() {
                     about(&pose) * Vector3::from(mark) + Vector3::from_row_slice(&pose[..3]);
                 let read = Vector3::from_fn(|axis, _| readings.table.columns[3 * k + axis][row]);
                 let after = knocks.iter().filter(|(place, _)| readings.pose[row] >= *place);
-                let moved = after.fold(read, |sum, (_, by)| {
+                let moved = after.fold(read * (1.0 + long), |sum, (_, by)| {
                     sum + about(by) * read - read + Vector3::from_row_slice(&by[..3])
                 });
                 let seen = about(&INSTRUMENT) * moved + stands;

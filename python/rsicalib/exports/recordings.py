@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rsicalib.arrays import FloatArray
+from rsicalib.errors import InputError
 from rsicalib.exports.ask import Ask
 from rsicalib.exports.coordinates import coordinates, factor_of, sensor_terms, unit_of
 from rsicalib.io.extras import needed
@@ -56,6 +57,18 @@ def _as_read(ask: Ask) -> str:
     return head + type(mechanism)(cleared).to_toml()
 
 
+def _stamps(readings: Readings) -> FloatArray:
+    """Times of the messages: ROS 2 counts seconds in 31 bits, from 0."""
+    expected = "the time of each row, 0 to 2147483647 s: each message of a bag has one"
+    if readings.time_s is None:
+        raise InputError.at(readings.source, "no such column", expected, column="time_s")
+    for line, time in enumerate(readings.time_s.tolist()):
+        if not 0 <= time < 2**31:
+            found = f"{time:g} in sample {line + 1}"
+            raise InputError.at(readings.source, found, expected, column="time_s")
+    return readings.time_s
+
+
 def _without_none(table: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in table.items() if value is not None}
 
@@ -66,7 +79,7 @@ def write_mcap(ask: Ask) -> dict[str, bytes | str]:
     rosbag2 = needed("rosbags.rosbag2", "corrected.mcap", "a bag of ROS 2")
     typesys = needed("rosbags.typesys", "corrected.mcap", "a bag of ROS 2")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    times = np.arange(len(values)) * 1.0 if readings.time_s is None else readings.time_s
+    times = _stamps(readings)
     kind, empty = "sensor_msgs/msg/JointState", np.zeros(0)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "corrected"

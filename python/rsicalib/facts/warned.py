@@ -20,6 +20,7 @@ WarnedKind: TypeAlias = Literal[
     "mirrored",
     "degrees",
     "units",
+    "left_handed",
     "coarse",
     "noise",
     "unphysical_sign",
@@ -31,6 +32,7 @@ WarnedKind: TypeAlias = Literal[
     "stale_rows",
     "copied_pose",
     "unlabelled_repeats",
+    "labels",
     "ignored_columns",
     "unused_poses",
     "time_goes_back",
@@ -44,6 +46,7 @@ WarnedKind: TypeAlias = Literal[
     "known_poses",
     "absurd_noise",
     "absurd_misclosure",
+    "absurd_offset",
     "absurd_effect",
     "other",
 ]

@@ -6,7 +6,7 @@ Nothing is raised for a cell: faults are collected by row, and the caller refuse
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -239,6 +239,10 @@ def read_cells(
             wanted[name] = expected
         for i in np.flatnonzero(bad).tolist():
             faults.setdefault(i, Fault(name, quoted(raw[i]), expected))
+    for i, name, together in _seen_in_part(mechanism, own, blank):
+        found = quoted(table.columns[index[name]][i])
+        expected = f"a finite number, or all of {' '.join(together)} empty"
+        faults.setdefault(i, Fault(name, found, expected))
     for i, name in _closed_by_none(own, blank, len(table.lines)):
         found = quoted(table.columns[index[name]][i])
         faults.setdefault(i, Fault(name, found, wanted[name]))
@@ -257,6 +261,19 @@ def _own_columns(mechanism: MechanismLike) -> list[list[str]]:
     """For each closure its own columns; of what has no closures, all are needed in every row."""
     whole = [*mechanism.key_columns, *mechanism.value_columns]
     return getattr(mechanism, "own_columns", [whole])
+
+
+def _seen_in_part(
+    mechanism: MechanismLike, own: list[list[str]], blank: dict[str, npt.NDArray[np.bool_]]
+) -> Iterator[tuple[int, str, list[str]]]:
+    """Rows with a part of the coordinates of a point that is seen: one that is blank, and all."""
+    seen = getattr(mechanism, "instrument_columns", [])
+    for columns in own:
+        together = [name for name in columns if name in seen]
+        missing = np.array([blank[name] for name in together])
+        if missing.size:
+            for i in np.flatnonzero(missing.any(axis=0) & ~missing.all(axis=0)).tolist():
+                yield i, together[int(np.argmax(missing[:, i]))], together
 
 
 def _closed_by_none(

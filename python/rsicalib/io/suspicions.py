@@ -6,13 +6,15 @@ is left to the fit.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from rsicalib import _core
 from rsicalib.facts.warned import Warned, WarnedKind
 from rsicalib.io.cells import MechanismLike
 from rsicalib.io.samples import Samples
+from rsicalib.plain_text import nearest
 
 LISTED = 5
 """Places a message names before it only counts."""
@@ -26,7 +28,7 @@ def suspicions(readings: Samples, mechanism: MechanismLike) -> list[Warned]:
 
     Looks for a channel that never changes, a bit of a converter that never toggles,
     codes at an end of the range, a pose that moved while it was sampled, samples and
-    poses that are copies of others.
+    poses that are copies of others, labels that look like others, misspelt.
 
     Parameters
     ----------
@@ -55,7 +57,36 @@ def suspicions(readings: Samples, mechanism: MechanismLike) -> list[Warned]:
         names = [readings.channels[k] for k in own]
         text = _words(one, names, readings, mechanism)
         out.append(Warned(KINDS.get(kind, kind), "+".join(names) or None, text))
-    return out
+    return out + [one for name in mechanism.key_columns for one in _misspelt(readings, name)]
+
+
+def _misspelt(readings: Samples, column: str) -> Iterator[Warned]:
+    """Labels that differ from a more frequent one by capitals, or stand once and are near one."""
+    labels = readings.keys[column]
+    first = [i for i in range(len(labels)) if i == 0 or readings.pose[i] != readings.pose[i - 1]]
+    count = Counter(labels[i] for i in first)
+    for name, times in count.items():
+        others = [other for other in count if count[other] > times]
+        meant = next((other for other in others if other.casefold() == name.casefold()), None)
+        if times == 1:
+            meant = meant or nearest(name, [other for other in others if _alike(name, other)])
+        if meant is not None:
+            rows = [i for i in first if labels[i] == name]
+            yield Warned(
+                "labels",
+                column,
+                f"column {column}: {name!r} ({places(readings, rows)}) is another place than "
+                f"{meant!r}, which {count[meant]} poses have: where the same was touched, write "
+                "the same text",
+            )
+
+
+def _alike(one: str, other: str) -> bool:
+    """Whether labels differ in words of four letters and more: in no number, nor `A` and `B`."""
+    words, others = one.split(), other.split()
+    pairs = [pair for pair in zip(words, others, strict=False) if pair[0] != pair[1]]
+    long = all(min(map(len, pair)) >= 4 and "".join(pair).isalpha() for pair in pairs)
+    return len(words) == len(others) and long
 
 
 def _words(

@@ -277,7 +277,10 @@ def sentence(result: ResultShape) -> str:
         were = "were" if several else "was"
         if result.verdict == "explained":
             yet = _yet(result)
-            return f"Explained{yet}: {missing} {were} missing; what is left is noise ({judged})."
+            unused = [subject(step) for step in result.steps if not step.applied]
+            aside = f" Not applied: {listed_words(unused)}." if unused else ""
+            noise = f"what is left is noise ({judged})"
+            return f"Explained{yet}: {missing} {were} missing; {noise}.{aside}"
         more = any(reason.kind == "residual" for reason in result.reasons)
         leave = "leave" if several else "leaves"
         leave += " more than noise" if more else " no more than noise"
@@ -532,9 +535,9 @@ def law_words(law: CurveLaw) -> str:
 
 def excluded_words(entry: Excluded) -> str:
     """Which reading was left out, and why."""
+    places: list[tuple[str, int | str | None]]
     places = [("session", entry.session), ("pose", entry.pose), ("sample", entry.sample)]
-    places += [("group", entry.group)]
-    places += [("", entry.chain), ("", entry.channel)]
+    places += [("group", entry.group), ("", entry.chain), ("", entry.channel)]
     where = " ".join(f"{word} {place}".strip() for word, place in places if place is not None)
     return f"{where}: {entry.reason}"
 

@@ -186,8 +186,9 @@ fn refuse_large(name: &'static str, count: usize) -> Result<(), Error> {
 
 /// Refuses terms of what is at the ends of closures: nothing of an open chain tells of them.
 fn refuse_ends(instances: &[Instance]) -> Result<(), Error> {
-    let of_end =
-        |acts| matches!(acts, Acts::Surface(_) | Acts::End | Acts::Attachment | Acts::Instrument);
+    let of_end = |acts| {
+        matches!(acts, Acts::Surface(_) | Acts::End | Acts::Attachment | Acts::Instrument(_))
+    };
     let Some(one) = instances.iter().find(|one| of_end(one.term.acts())) else { return Ok(()) };
     let expected =
         "terms of channels, chains and lengths: of what closures end at, nothing is counted";

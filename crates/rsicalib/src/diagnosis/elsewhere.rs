@@ -204,7 +204,7 @@ fn at_one_placement(traced: &Traced, one: &Found, understood: bool) -> Option<No
 /// True for an error of the arm where one of the surface that it touches, or of the instrument that sees it, fits as
 /// well.
 fn in_tie_with_surface(found: &Found) -> bool {
-    let of_surface = |i: &Instance| matches!(i.term.acts(), Acts::Surface(_) | Acts::Instrument);
+    let of_surface = |i: &Instance| matches!(i.term.acts(), Acts::Surface(_) | Acts::Instrument(_));
     !of_surface(&found.instance) && found.also.iter().any(of_surface)
 }
 

@@ -47,6 +47,14 @@ pub enum Absurdity {
         /// The smallest length in the loop [length unit].
         length: f64,
     },
+    /// A joint that is beyond its limits in every row, and was not as it is drawn: often a sign that is reversed, and the
+    /// image of the machine in a mirror.
+    Limits {
+        /// The channel.
+        channel: usize,
+        /// Its lowest and its highest coordinate [rad, or length].
+        span: [f64; 2],
+    },
     /// An effect.
     Effect {
         /// The effect.
@@ -64,7 +72,7 @@ impl Absurdity {
     /// True for what an effect has no part in: loops that stay open, and noise.
     #[must_use]
     pub fn is_of_readings(&self) -> bool {
-        !matches!(self, Self::Effect { .. })
+        matches!(self, Self::Noise { .. } | Self::Misclosure { .. })
     }
 }
 
@@ -82,7 +90,24 @@ pub fn absurdities(observations: &Observations, fit: &Fit, found: &[Instance]) -
     let open = (is_no_drawing_error(rms, length) && !is_declared(fit)) || rms > measured;
     let open = open.then_some(Absurdity::Misclosure { rms, length });
     let effects = found.iter().filter_map(|instance| oversized(fit, mechanism, instance));
-    noisy.chain(open).chain(effects).collect()
+    let beyond = (0..mechanism.channels.len()).filter_map(|channel| {
+        beyond_limits(observations, fit, channel).map(|span| Absurdity::Limits { channel, span })
+    });
+    noisy.chain(open).chain(beyond).chain(effects).collect()
+}
+
+/// Where a joint is by its offset, if no row has it within the limits that its file tells and a row has it there as drawn.
+fn beyond_limits(observations: &Observations, fit: &Fit, channel: usize) -> Option<[f64; 2]> {
+    let Observations { readings, weights, .. } = observations;
+    let drawn = &observations.mechanism.channels[channel];
+    let [low, high] = drawn.limits?;
+    let offset = fit.beta[fit.model.column(Role::Offset, channel)?];
+    let used = (0..readings.samples).filter(|row| weights[*row] > 0.0);
+    let angles: Vec<f64> = used.map(|row| drawn.angle(readings.row(row)[channel])).collect();
+    let within = |by: f64| angles.iter().any(|q| (low..=high).contains(&(q + by)));
+    let ends = [f64::INFINITY, f64::NEG_INFINITY];
+    let span = angles.iter().fold(ends, |[a, b], q| [a.min(q + offset), b.max(q + offset)]);
+    (within(0.0) && !within(offset)).then_some(span)
 }
 
 /// True for a misclosure that is no error of a drawing.

@@ -280,9 +280,9 @@ fn is_miswired(observations: &Observations, fit: &Fit) -> bool {
         _ => false,
     };
     let left = fit.chi2 / fit.dof;
-    let reversed = |it: &Suspicion| it.reversed().is_some_and(|it| left >= DECISIVE * it.with);
+    let rewired = |it: &Suspicion| it.rewired().is_some_and(|it| left >= DECISIVE * it.with);
     let told = fit.warnings.iter().any(undone);
-    told && (fit.warnings.iter().any(|it| exchanged_followers(it) || reversed(it))
+    told && (fit.warnings.iter().any(|it| exchanged_followers(it) || rewired(it))
         || !absurdities(observations, fit, &[]).is_empty())
 }
 

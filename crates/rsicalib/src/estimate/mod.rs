@@ -34,6 +34,7 @@ mod priors;
 pub mod progress;
 mod residuals;
 pub mod search;
+mod seen;
 pub(crate) mod settle;
 pub mod significance;
 mod sized;

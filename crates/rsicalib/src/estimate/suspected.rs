@@ -6,7 +6,7 @@ use crate::estimate::miswired::{self, Again};
 use crate::estimate::noise::source::DOUBT;
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::Suspicion;
-use crate::estimate::{degrees, doubts, lengths};
+use crate::estimate::{degrees, doubts, lengths, seen};
 use crate::model::Instance;
 
 /// Adds to the warnings of a fit; `again` fits other readings.
@@ -19,6 +19,10 @@ pub(super) fn suspect(
     fit.warnings.extend(of_knowledge);
     let of_wiring = of_wiring(observations, &fit, again);
     fit.warnings.extend(of_wiring);
+    // What a mistake leaves says nothing of the noise.
+    if fit.warnings.iter().any(|it| it.rewired().is_some()) {
+        fit.warnings.retain(|it| !it.of_noise_by_the_fit());
+    }
     fit
 }
 
@@ -64,6 +68,9 @@ fn of_wiring(
     let wired = !fit.warnings.iter().any(|it| it.of_wiring() && !it.is_no_start());
     if wired && !said.iter().any(Suspicion::of_wiring) {
         said.extend(miswired::miswired(observations, &fit.model, &noise, left, refit_by));
+        if !said.iter().any(Suspicion::of_wiring) {
+            said.extend(seen::miswritten(observations, &noise, left, refit));
+        }
         if !said.iter().any(Suspicion::of_wiring) {
             said.extend(lengths::in_other_unit(observations, &noise, left, refit));
         }

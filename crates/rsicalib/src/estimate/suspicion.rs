@@ -121,6 +121,23 @@ pub enum Suspicion {
         /// How well it closes.
         closes: Closes,
     },
+    /// Points that an instrument sees fit with the other hand: two of their columns are exchanged, or one has the other
+    /// sign.
+    LeftHanded {
+        /// The point, counted in the mechanism.
+        point: usize,
+        /// How well the loop closes with the image of the points in a mirror.
+        closes: Closes,
+    },
+    /// Points that an instrument sees fit in another unit.
+    SeenInUnit {
+        /// The point, counted in the mechanism.
+        point: usize,
+        /// The number of times its coordinates with which the loop closes.
+        times: f64,
+        /// How well it closes.
+        closes: Closes,
+    },
     /// A channel reads in steps that are a good part of its noise.
     Coarse {
         /// The channel.
@@ -189,11 +206,15 @@ impl Suspicion {
         matches!(self, Self::Exchanged { .. } | Self::Reversed { .. } | Self::EitherReversed { .. })
     }
 
-    /// How well the loop closes with the sign of a channel reversed, where that is suspected.
+    /// How well the loop closes with wires, or columns of an instrument, exchanged, reversed or in another unit, where that is suspected.
     #[must_use]
-    pub fn reversed(&self) -> Option<Closes> {
+    pub fn rewired(&self) -> Option<Closes> {
         match self {
-            Self::Reversed { closes, .. } | Self::EitherReversed { closes, .. } => Some(*closes),
+            Self::Reversed { closes, .. }
+            | Self::EitherReversed { closes, .. }
+            | Self::Exchanged { closes, .. }
+            | Self::LeftHanded { closes, .. }
+            | Self::SeenInUnit { closes, .. } => Some(*closes),
             _ => None,
         }
     }
@@ -202,6 +223,12 @@ impl Suspicion {
     #[must_use]
     pub fn is_no_start(&self) -> bool {
         matches!(self, Self::NoStart { .. } | Self::Lost { .. })
+    }
+
+    /// True where what is left says that noise or play is not what is declared.
+    #[must_use]
+    pub fn of_noise_by_the_fit(&self) -> bool {
+        matches!(self, Self::Noise { by: Witness::Fit, .. } | Self::Play { .. })
     }
 
     /// True where noise or play is declared larger than what is left allows.
@@ -237,6 +264,8 @@ impl Suspicion {
                 | Self::Exchanged { .. }
                 | Self::Gap { .. }
                 | Self::Stuck { .. }
+                | Self::LeftHanded { .. }
+                | Self::SeenInUnit { .. }
                 | Self::NoStart { .. }
                 | Self::Lost { .. }
                 | Self::Degrees { of: InDegrees::Loop { .. }, .. }

@@ -9,6 +9,7 @@ use crate::model::lean::Lean;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, Vec3, cross, minus};
 use crate::readings::Readings;
+use crate::terms::term::OfInstrument;
 
 impl Patch {
     /// Where a point is on the patch, ±1 at its edges.
@@ -396,7 +397,7 @@ impl<'a> Closing<'a> {
         }
     }
 
-    /// What knocked the instrument that read a point.
+    /// What knocked the instrument that read a point, or changed its scale.
     #[inline(always)]
     fn columns_of_knocks(
         &self,
@@ -408,13 +409,17 @@ impl<'a> Closing<'a> {
     ) {
         for knock in &self.model.knocks[from..to] {
             let axes = self.model.axes_of(frame, self.group, self.beta);
+            if knock.of == OfInstrument::Scale {
+                self.add_column(at, sign, knock.by.source(0), &rotate(&axes, read), ws);
+                continue;
+            }
             let arm = knock.turned(read, self.beta);
-            let turns = turn_axes(&self.beta[knock.first + 3..knock.first + 6]);
+            let turns = turn_axes(&self.beta[knock.columns()][3..]);
             for (k, about) in turns.iter().enumerate() {
                 let along = rotate(&axes, &unit(k));
-                self.add_column(at, sign, knock.source(k), &along, ws);
+                self.add_column(at, sign, knock.by.source(k), &along, ws);
                 let by = rotate(&axes, &cross(&about.map(Lanes::splat), &arm));
-                self.add_column(at, sign, knock.source(3 + k), &by, ws);
+                self.add_column(at, sign, knock.by.source(3 + k), &by, ws);
             }
         }
     }

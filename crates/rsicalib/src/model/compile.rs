@@ -9,7 +9,7 @@ use crate::model::compiled::{
     Added, CompiledClosure, Gate, Gating, LoadAt, Model, ShapeAt, TermAt,
 };
 use crate::model::drives::Drives;
-use crate::model::ends::{self, Attached, End, Move, MovedEnd, Moving, Only};
+use crate::model::ends::{self, Attached, End, Knock, Move, MovedEnd, Moving, Only};
 use crate::model::instance::{Instance, bound_to_session};
 use crate::model::law_at::LawAt;
 use crate::model::numbering::{Owned, Unknown, number_unknowns};
@@ -305,7 +305,7 @@ impl Model {
                 | Acts::Surface(_)
                 | Acts::End
                 | Acts::Attachment
-                | Acts::Instrument => {
+                | Acts::Instrument(_) => {
                     let gate = |acts| Gate { instance: number, acts };
                     if instance.term.placed() == Placed::AtPose {
                         self.gates.push(gate(Gating::Since { place }));
@@ -498,14 +498,14 @@ impl Model {
         Ok(())
     }
 
-    /// What moves the instrument that sees an end of a closure.
-    fn knocks_of(&self, closure: usize) -> Vec<Move> {
+    /// What terms do to the instrument that sees an end of a closure.
+    fn knocks_of(&self, closure: usize) -> Vec<Knock> {
         let instances = self.instances.iter().zip(&self.first).enumerate();
         let own = instances.filter_map(|(number, (instance, &first))| {
             let Target::Closure(own) = instance.target else { return None };
-            let acts = matches!(instance.term.acts(), Acts::Instrument);
-            (acts && self.mechanism.seen_alike(own, closure))
-                .then(|| Move { first, gate: self.gate_of(number) })
+            let Acts::Instrument(of) = instance.term.acts() else { return None };
+            let by = || Move { first, gate: self.gate_of(number) };
+            self.mechanism.seen_alike(own, closure).then(|| Knock { by: by(), of })
         });
         own.collect()
     }

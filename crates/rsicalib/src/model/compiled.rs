@@ -8,7 +8,7 @@ use crate::kinematics::elements::{Element, Source, Way, Weight};
 use crate::kinematics::posture::Lever;
 use crate::mechanism::{ClosureKind, Mechanism, Target};
 use crate::model::drives::Drives;
-use crate::model::ends::{Attached, End, Measured, Move, MovedEnd, Moving, Only};
+use crate::model::ends::{Attached, End, Knock, Measured, MovedEnd, Moving, Only};
 use crate::model::instance::Instance;
 use crate::model::law_at::LawAt;
 use crate::model::numbering::{Owned, Unknown};
@@ -231,7 +231,7 @@ pub struct Model {
     /// What columns say of distances between unknown points.
     pub(crate) measured_links: Vec<MeasuredLink>,
     /// Knocks of instruments, closure by closure.
-    pub(crate) knocks: Vec<Move>,
+    pub(crate) knocks: Vec<Knock>,
     pub(crate) equations: usize,
     pub(crate) steps: Vec<Vec<Element>>,
     pub(crate) closures: Vec<CompiledClosure>,
@@ -498,7 +498,7 @@ impl Model {
                             columns.extend(own(*number));
                         }
                         let knocks = &self.knocks[*from..*to];
-                        columns.extend(knocks.iter().flat_map(|k| k.first..k.first + 6));
+                        columns.extend(knocks.iter().flat_map(Knock::columns));
                     }
                     End::Coordinate(c) => self.columns_of_channels(&[*c], None, &mut columns),
                     End::Posed(number) => {

@@ -47,12 +47,8 @@ impl Model {
                 let read = [seen[columns[0]], seen[columns[1]], seen[columns[2]]];
                 let mut point = read;
                 for knock in &self.knocks[*from..*to] {
-                    let acts = knock.acts(&ws.gates);
-                    let there = knock.turned(&read, beta);
-                    for (axis, at) in point.iter_mut().enumerate() {
-                        let along = Lanes::splat(beta[knock.first + axis]);
-                        *at += acts * (there[axis] - read[axis] + along);
-                    }
+                    let moves = knock.moves(&read, beta, &ws.gates);
+                    point.iter_mut().zip(moves).for_each(|(at, by)| *at += by);
                 }
                 match frame {
                     Measured::Base => point,

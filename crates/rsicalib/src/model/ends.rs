@@ -9,6 +9,7 @@ use crate::mechanism::{Closure, Mechanism};
 use crate::model::numbering::Owned;
 use crate::model::thing::Thing;
 use crate::numerics::lanes::{Lanes, Vec3, cross, minus};
+use crate::terms::term::OfInstrument;
 
 /// The frame of a measured point.
 #[derive(Debug, Clone, Copy)]
@@ -46,12 +47,6 @@ impl Move {
         self.gate.map_or(Lanes::ONE, |gate| gates[gate])
     }
 
-    /// What an instrument reads that is turned about its own axes.
-    #[inline(always)]
-    pub(crate) fn turned(&self, read: &Vec3, beta: &[f64]) -> Vec3 {
-        rotate(&turned(&beta[self.first + 3..self.first + 6]), read)
-    }
-
     /// A point that is moved along these axes.
     #[inline(always)]
     pub(crate) fn along(&self, point: &mut Vec3, axes: &[Vec3; 3], beta: &[f64], gates: &[Lanes]) {
@@ -60,6 +55,41 @@ impl Move {
             let by = acts * beta[self.first + k];
             for (at, axis) in point.iter_mut().zip(axis) {
                 *at += *axis * by;
+            }
+        }
+    }
+}
+
+/// What a term does to an instrument.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Knock {
+    pub(crate) by: Move,
+    pub(crate) of: OfInstrument,
+}
+
+impl Knock {
+    /// Its parameters.
+    pub(crate) fn columns(&self) -> std::ops::Range<usize> {
+        self.by.first..self.by.first + self.of.width()
+    }
+
+    /// What an instrument reads that is turned about its own axes.
+    #[inline(always)]
+    pub(crate) fn turned(&self, read: &Vec3, beta: &[f64]) -> Vec3 {
+        rotate(&turned(&beta[self.by.first + 3..self.by.first + 6]), read)
+    }
+
+    /// By how much a point that the instrument reads is elsewhere, along its own axes.
+    #[inline(always)]
+    pub(crate) fn moves(&self, read: &Vec3, beta: &[f64], gates: &[Lanes]) -> Vec3 {
+        let (acts, first) = (self.by.acts(gates), self.by.first);
+        match self.of {
+            OfInstrument::Scale => read.map(|read| acts * read * beta[first]),
+            OfInstrument::Motion => {
+                let there = self.turned(read, beta);
+                std::array::from_fn(|axis| {
+                    acts * (there[axis] - read[axis] + Lanes::splat(beta[first + axis]))
+                })
             }
         }
     }

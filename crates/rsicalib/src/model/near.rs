@@ -3,6 +3,7 @@
 use crate::model::compiled::Model;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, WIDTH, dispatch, solve_lower, solve_transposed};
+use crate::numerics::order;
 use crate::readings::Readings;
 
 /// The one rule of rank for what is unknown in one pose: a direction that moves the equations less
@@ -17,6 +18,12 @@ const STILL: f64 = 1e-13;
 
 /// The other of two solutions is taken where it leaves less than this part of the squares.
 const CLEARLY: f64 = 0.25;
+
+/// Samples from which others are approached, one after the other.
+const OTHERS: usize = 2;
+
+/// Steps in which they are.
+const APPROACH: usize = 10;
 
 /// Squares of the equations of eight samples at a place, with `f` and `B`.
 pub(super) struct Near {
@@ -85,6 +92,28 @@ impl Model {
         }
         here
     }
+
+    /// The place of each lane, found from that of one of them as its readings become those of the lane.
+    pub(super) fn walked(
+        &self,
+        readings: &Readings,
+        block: usize,
+        a: &[Lanes],
+        beta: &[f64],
+        (near, from): (&Near, usize),
+        ws: &mut Workspace,
+    ) -> Near {
+        let there: Vec<Lanes> = a.iter().map(|a| Lanes::splat(a.0[from])).collect();
+        let start = near.xi.iter().map(|x| Lanes::splat(x.0[from])).collect();
+        let step = |xi: Vec<Lanes>, k: usize, ws: &mut Workspace| {
+            let part = k as f64 / APPROACH as f64;
+            let on: Vec<Lanes> =
+                there.iter().zip(a).map(|(from, to)| *from + (*to - *from) * part).collect();
+            self.nearest(readings, block, &on, beta, xi, ws)
+        };
+        let before = (1..APPROACH).fold(start, |xi, k| step(xi, k, ws).xi);
+        step(before, APPROACH, ws)
+    }
 }
 
 impl Near {
@@ -144,6 +173,21 @@ impl Near {
     /// True where the equations of one lane are closed to rounding.
     pub(super) fn closed(&self, lane: usize) -> bool {
         self.cost[lane] < (1e-9 * self.size(lane)).powi(2)
+    }
+
+    /// The lanes from which others are approached, the least open first.
+    pub(super) fn least_open(&self) -> [usize; OTHERS] {
+        let mut lanes: Vec<usize> = (0..WIDTH).collect();
+        order::ascending(&mut lanes, |&lane| self.cost[lane]);
+        std::array::from_fn(|k| lanes[k])
+    }
+
+    /// True where a lane is far more open than half of all.
+    pub(super) fn is_uneven(&self) -> bool {
+        let mut sorted = self.cost;
+        sorted.sort_unstable_by(f64::total_cmp);
+        let far = |cost: f64| cost.is_nan() || CLEARLY * CLEARLY * cost > sorted[WIDTH / 2];
+        (0..WIDTH).any(|lane| !self.closed(lane) && far(self.cost[lane]))
     }
 
     /// Takes another place in the lanes where it closes clearly better.

@@ -9,7 +9,9 @@
 //!
 //! This is where a fit starts; it then settles `ξ` with the weights of the noise, (59). Of mirror
 //! solutions the one is taken that the search finds from where the mechanism's file looks for it. Where
-//! there is another place across a free motion, (169), that closes clearly better, it is taken.
+//! there is another place across a free motion, (169), that closes clearly better, it is taken. What turns may be
+//! found by half a turn off: where a sample is far more open than those beside, its readings are approached in steps
+//! from those of the least open one.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -61,6 +63,12 @@ impl Model {
         best.take_better(&self.nearest(readings, block, a, beta, among, ws));
         if let Some(other) = self.across(readings, block, a, beta, &best, ws) {
             best.take_better(&other);
+        }
+        for from in best.least_open() {
+            if self.posed.bodies.is_empty() || !best.is_uneven() {
+                break;
+            }
+            best.take_better(&self.walked(readings, block, a, beta, (&best, from), ws));
         }
         a[..self.scales.len()].iter().copied().chain(best.xi).collect()
     }

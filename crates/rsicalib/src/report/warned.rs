@@ -101,6 +101,8 @@ pub enum Kind {
     Degrees,
     /// Readings look like another unit, or another converter, than the one that is declared.
     Units,
+    /// Points that an instrument sees fit with the other hand.
+    LeftHanded,
     /// A channel reads in steps that are a good part of its noise.
     Coarse,
     /// Declared noise is not what the readings show.
@@ -123,6 +125,8 @@ pub enum Kind {
     CopiedPose,
     /// Rows without a pose repeat others within noise.
     UnlabelledRepeats,
+    /// A label of what was touched that looks like another, misspelt.
+    Labels,
     /// Columns that nothing uses.
     IgnoredColumns,
     /// Poses are known, and are not used here.
@@ -149,6 +153,8 @@ pub enum Kind {
     AbsurdNoise,
     /// A misclosure that is absurd beside the lengths of the loop.
     AbsurdMisclosure,
+    /// An offset that puts a joint beyond its limits in every row.
+    AbsurdOffset,
     /// An effect that is absurd beside what occurs in practice.
     AbsurdEffect,
     /// A kind of a later version.
@@ -198,6 +204,7 @@ pub fn implausible(observations: &Observations, absurd: &[Absurdity]) -> Vec<War
         kind: match one {
             Absurdity::Noise { .. } => Kind::AbsurdNoise,
             Absurdity::Misclosure { .. } => Kind::AbsurdMisclosure,
+            Absurdity::Limits { .. } => Kind::AbsurdOffset,
             Absurdity::Effect { .. } => Kind::AbsurdEffect,
         },
         text: words::absurdity(observations, one, &targets),
@@ -210,7 +217,9 @@ pub fn implausible(observations: &Observations, absurd: &[Absurdity]) -> Vec<War
 fn absurd_at(observations: &Observations, absurdity: &Absurdity) -> Option<String> {
     let mechanism = &observations.mechanism;
     match *absurdity {
-        Absurdity::Noise { channel, .. } => Some(mechanism.channels[channel].name.clone()),
+        Absurdity::Noise { channel, .. } | Absurdity::Limits { channel, .. } => {
+            Some(mechanism.channels[channel].name.clone())
+        }
         Absurdity::Misclosure { .. } => None,
         Absurdity::Effect { instance, .. } => Some(instance.target.name(mechanism)),
     }
@@ -306,6 +315,12 @@ fn of_suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> Warned {
         Suspicion::Degrees { channels: of, .. } => (Kind::Degrees, channels(of)),
         Suspicion::Gains { channels: of, .. } => (Kind::Units, channels(of)),
         Suspicion::Length { at, .. } => (Kind::Units, Some(words::length(mechanism, *at).0)),
+        Suspicion::LeftHanded { point, .. } => {
+            (Kind::LeftHanded, Some(mechanism.points[*point].name.clone()))
+        }
+        Suspicion::SeenInUnit { point, .. } => {
+            (Kind::Units, Some(mechanism.points[*point].name.clone()))
+        }
         Suspicion::Coarse { channel, .. } => (Kind::Coarse, channels(&[*channel])),
         Suspicion::Noise { .. } => (Kind::Noise, None),
         Suspicion::Play { closures, .. } => {

@@ -344,6 +344,27 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 loop_closes(*closes)
             )
         }
+        Suspicion::LeftHanded { point, closes } => {
+            let point = &mechanism.points[*point];
+            format!(
+                "{} of {} are left-handed: with one of them reversed {}; are two of them exchanged, \
+                 or has one the other sign?",
+                point.columns.as_ref().map_or(String::new(), |columns| columns.join(", ")),
+                point.name,
+                loop_closes(*closes)
+            )
+        }
+        Suspicion::SeenInUnit { point, times, closes } => {
+            let point = &mechanism.points[*point];
+            format!(
+                "{} of {} are declared in {}, and with {} times these {}: are they in another unit?",
+                point.columns.as_ref().map_or(String::new(), |columns| columns.join(", ")),
+                point.name,
+                mechanism.length_unit,
+                significant(*times, 4),
+                loop_closes(*closes)
+            )
+        }
         Suspicion::Coarse { channel, step, share } => format!(
             "{} reads in steps of {} {}: rounding, step/√12, is {:.0} % of the variance of its noise",
             name(*channel),
@@ -1088,6 +1109,17 @@ pub fn absurdity(observations: &Observations, absurdity: &Absurdity, targets: &[
             "a misclosure of {rms:.3} {unit} where the smallest length of the loop is \
              {length:.3} {unit}: these readings are not of this mechanism, or not in its units"
         ),
+        Absurdity::Limits { channel, span } => {
+            let channel = &mechanism.channels[channel];
+            let [from, to] = span.map(|end| significant(end, 4));
+            let [low, high] = channel.limits.unwrap_or(span).map(|end| significant(end, 4));
+            format!(
+                "the offset of {} puts its joint from {from} to {to}, and its limits are {low} and {high}: \
+                 is the sign of a channel reversed, or are two exchanged? A machine and its image in a mirror \
+                 close alike",
+                and_between(targets),
+            )
+        }
         Absurdity::Effect { instance, parameter, value, typical } => {
             let info = instance.term.info();
             let of = &info.parameters[parameter];

@@ -1,7 +1,7 @@
 //! [`FrameSlip`].
 
 use crate::mechanism::{Mechanism, Target};
-use crate::terms::term::{Acts, Placed, Term};
+use crate::terms::term::{Acts, OfInstrument, Placed, Term};
 
 term! {
     /// An instrument that was knocked once.
@@ -17,7 +17,7 @@ term! {
         rx: "rad" ~ 0.01,
         ry: "rad" ~ 0.01,
         rz: "rad" ~ 0.01,
-    } acts Acts::Instrument
+    } acts Acts::Instrument(OfInstrument::Motion)
 }
 
 impl Term for FrameSlip {

@@ -46,7 +46,9 @@ pub fn says_what_it_is(term: &dyn Term) {
         }
         Acts::Load(_) => assert_eq!((info.class, info.parameters.len()), (Class::Load, 1)),
         Acts::Surface(_) => assert_eq!(info.class, Class::Closure),
-        Acts::Instrument => assert_eq!((info.class, info.parameters.len()), (Class::Closure, 6)),
+        Acts::Instrument(of) => {
+            assert_eq!((info.class, info.parameters.len()), (Class::Closure, of.width()));
+        }
         Acts::End | Acts::Attachment => {
             assert_eq!((info.class, info.parameters.len()), (Class::Closure, 3));
         }

@@ -121,6 +121,7 @@ mod free_curve;
 mod gain;
 mod gear_play;
 mod hysteresis;
+mod instrument_scale;
 mod joint_compliance;
 mod joint_sag;
 mod joint_tilt;
@@ -206,4 +207,5 @@ registry! {
     attachment_slip::AttachmentSlip,
     point_slip::PointSlip,
     frame_slip::FrameSlip,
+    instrument_scale::InstrumentScale,
 }

@@ -79,7 +79,7 @@ pub fn has_places(term: &dyn Term) -> bool {
 
 /// True for a term that acts at ends of closures: those need no value.
 fn of_ends(term: &dyn Term) -> bool {
-    has_places(term) || matches!(term.acts(), Acts::Attachment | Acts::Instrument)
+    has_places(term) || matches!(term.acts(), Acts::Attachment | Acts::Instrument(_))
 }
 
 /// The unknown places that a closure touches in these readings; of a closure between two unknown

@@ -322,6 +322,26 @@ pub enum Spot {
 /// A motion that a geometry term adds, one per parameter.
 pub type Freedom = (Spot, Axis, Way);
 
+/// What a term does to an instrument.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OfInstrument {
+    /// Moves it along and about its own axes: six parameters.
+    Motion,
+    /// Multiplies all that it reads by one and a parameter.
+    Scale,
+}
+
+impl OfInstrument {
+    /// Parameters of such a term.
+    #[must_use]
+    pub fn width(self) -> usize {
+        match self {
+            Self::Motion => 6,
+            Self::Scale => 1,
+        }
+    }
+}
+
 /// Stage at which a term acts, and the action there.
 #[derive(Clone, Copy)]
 #[non_exhaustive]
@@ -339,8 +359,8 @@ pub enum Acts {
     Distance,
     /// Moves the end of a closure that stands, along the axes of the base.
     End,
-    /// Moves an instrument along and about its own axes.
-    Instrument,
+    /// Moves an instrument along and about its own axes, or changes its scale.
+    Instrument(OfInstrument),
     /// Moves the point of a body at which a distance ends, along the axes of the body.
     Attachment,
     /// Corrects the offsets of a plane or a line by where it is touched.

@@ -30,7 +30,7 @@ fn moves_once(term: &dyn Term) -> bool {
                 | Acts::Surface(_)
                 | Acts::End
                 | Acts::Attachment
-                | Acts::Instrument
+                | Acts::Instrument(_)
         )
 }
 
