@@ -41,6 +41,7 @@ CAUSES = """\
 | a ball of a bar that was seated again, a clamp of a bar that gave way | `distance_slip` |
 | lower belts that are read short | `gain` at `bl+br` |
 | belts that all begin elsewhere | `offset` at `each` |
+| rods of a delta printer whose length was entered wrongly | `distance` at `each` |
 | an instant of sampling that jitters | noise, which neighbouring rows of a recording show |
 | codes of a converter that are missing, stuck or repeated | a warning, before anything is fitted |
 

@@ -38,7 +38,7 @@ def draw(rng: Rng, poses: int = 48) -> Machine:
             up = up + late * v.get(f"slip@{t}", 0.0)
             far = radius + v.get(f"radius@{t}", 0.0) + v.get("radius@all", 0.0)
             at = bearing[i] + v.get(f"bearing@{t}", 0.0)
-            long = rod + v.get(f"rod@{t}", 0.0)
+            long = rod + v.get(f"rod@{t}", 0.0) + v.get("rod@all", 0.0)
             apart = np.sqrt(
                 (x - far * np.cos(at)) ** 2 + (y - far * np.sin(at)) ** 2 + (z - up) ** 2
             )
@@ -84,6 +84,7 @@ def effects() -> list[Effect]:
         *out,
         effect("gain@all", "sensor", 1e-3, "a+b+c", "each.1", "each", "all", also=("electronics",)),
         effect("radius@all", "geometry", 0.5, *alike),
+        effect("rod@all", "closure", 0.3, "each"),
         effect("bend@bed", "closure", 0.1, "bed", "nozzle on bed", also=("geometry",)),
         effect("step@bed", "closure", 0.1, "bed", "nozzle on bed", also=("geometry",)),
     ]

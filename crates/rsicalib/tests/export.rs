@@ -140,6 +140,21 @@ fn an_effect_that_channels_share_is_said_to_be_left_out_once() {
 }
 
 #[test]
+fn what_all_distances_of_one_make_share_is_added_to_each() {
+    let mechanism = Mechanism::rsi();
+    let mut applied = result(&mechanism, &[]);
+    let of = |spec: &str, value: f64| Reported { spec: spec.into(), name: "d".into(), value };
+    applied.parameters = vec![of("distance@each", 0.5), of("distance@wrist2-wrist3", 0.1)];
+    let found = exported(&mechanism, &applied).expect("known parameters");
+    assert_eq!(found.notes, []);
+    let value = |m: &Mechanism, k: usize| m.closures[k].value.as_ref().and_then(Value::known);
+    for (k, longer) in [0.5, 0.6, 0.5].into_iter().enumerate() {
+        let [was, is] = [&mechanism, &found.mechanism].map(|m| value(m, k).expect("a length"));
+        assert!((is - was - longer).abs() < 1e-12, "{k}: {was} became {is}");
+    }
+}
+
+#[test]
 fn what_grows_with_the_temperature_is_left_out_and_said() {
     let mechanism = Mechanism::rsi();
     let mut applied = result(&mechanism, &[]);

@@ -385,11 +385,16 @@ fn a_shared_parameter_moves_what_its_parts_move_together() {
             .map(|block| evaluated(&model, &readings, block, readings.raw(block), &beta))
             .collect::<Vec<Workspace>>()
     };
+    let sides = |term: &str| {
+        ["wrist1-wrist2", "wrist2-wrist3", "wrist1-wrist3"].map(|side| format!("{term}@{side}"))
+    };
     for (shared, parts) in [
         ("link_length@each/3", ["link_length@arm1/3", "link_length@arm2/3", "link_length@arm3/3"]),
         ("curvature@each.2", ["curvature@a12", "curvature@a22", "curvature@a32"]),
         ("joint_sag@each.2", ["joint_sag@a12", "joint_sag@a22", "joint_sag@a32"]),
         ("sag@all", ["sag@arm1", "sag@arm2", "sag@arm3"]),
+        ("distance@each", sides("distance").each_ref().map(String::as_str)),
+        ("distance_growth@each", sides("distance_growth").each_ref().map(String::as_str)),
     ] {
         for (one, several) in of(&[shared]).iter().zip(of(&parts)) {
             for k in 0..one.f.len() {

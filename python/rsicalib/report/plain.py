@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
-from rsicalib.facts.shapes import Evidence, ResultShape, Step, TraceShape
+from rsicalib.facts.shapes import Evidence, Name, ResultShape, Step, TraceShape
 from rsicalib.report.words import (
     either_words,
     labelled,
     listed_words,
+    longer_words,
     moved_words,
     name_of,
     number,
@@ -25,6 +26,7 @@ WRONG = {
     "electronics": "The electronics read all channels wrong",
     "geometry": "{target} is not as it is drawn",
     "closure": "What {target} says does not hold",
+    "closures": "{target} are wrong, alike",
     "load": "{target} gives under load",
 }
 """What is the matter, by the class of an effect."""
@@ -101,7 +103,9 @@ def _in_part(result: TraceShape) -> str:
 
 
 def _kind(step: Step) -> str:
-    """The class of an effect, and of how many sensors it is."""
+    """The class of an effect, and of how many sensors or closures it is."""
+    if step.klass == "closure" and step.target.startswith("each"):
+        return "closures"
     if step.klass != "sensor":
         return step.klass
     several = "+" in step.target or step.target.startswith("each.")
@@ -111,6 +115,11 @@ def _kind(step: Step) -> str:
 def _is_several(step: Step) -> bool:
     """Whether an effect is of several sensors or parts, alike."""
     return _kind(step) in ("sensors", "each sensor") or step.target.startswith("each")
+
+
+def _where(of: Step | Name) -> tuple[bool, str]:
+    """What an effect is of: `each` is of closures or of chains."""
+    return of.klass == "closure", of.target
 
 
 def _found(result: TraceShape, step: Step) -> str:
@@ -127,18 +136,18 @@ def _found(result: TraceShape, step: Step) -> str:
 def _sure(result: TraceShape, step: Step) -> str:
     """How sure it is that it is this target, and what it is."""
     rivals = result.rivals
-    terms = [step.term, *(n.term for n in step.also_fits if n.target == step.target)]
+    terms = [step.term, *(n.term for n in step.also_fits if _where(n) == _where(step))]
     weighed = 0.0
     for rival in sorted(rivals, key=lambda r: -r.probability):
         if weighed < SURE:  # the fewest that hold together are certain to have it among them
-            terms += [n.term for n in rival.terms if n.target == step.target]
+            terms += [n.term for n in rival.terms if _where(n) == _where(step)]
         weighed += rival.probability
     what = _what(step, list(dict.fromkeys(terms)))
     if not rivals:
         return what
     thing = THIS.get(_kind(step), "these parts" if _is_several(step) else "this part")
-    here = sum(r.probability for r in rivals if any(n.target == step.target for n in r.terms))
-    twins = [subject(n) for n in step.also_fits if n.target != step.target]
+    here = sum(r.probability for r in rivals if any(_where(n) == _where(step) for n in r.terms))
+    twins = [subject(n) for n in step.also_fits if _where(n) != _where(step)]
     if twins:
         return f"{what} These poses cannot tell it from {either_words(twins[:3])}."
     if here >= SURE:
@@ -153,6 +162,8 @@ def _what(step: Step, terms: list[str]) -> str:
     shapes = [SHAPES.get(term, name_of(term)) for term in terms]
     size = value_words(step.parameters[0]) if step.parameters else ""
     one = len(terms) == 1 and len(step.parameters) == 1
+    if one and step.term == "distance":
+        return f"{'Each' if _is_several(step) else 'It'} is {longer_words(step.parameters[0])}."
     if one and step.term not in SHAPES and step.klass in ("sensor", "geometry"):
         return f"{'Their' if _is_several(step) else 'Its'} {shapes[0]} is off by {size}."
     error = "It" if step.klass != "sensor" else "The error"

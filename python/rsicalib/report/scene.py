@@ -362,7 +362,9 @@ def _faults(result: ResultShape, drawing: Drawing) -> Faults:
     found = [(f"wrong reading of {e.channel}", e.channel) for e in result.excluded if e.channel]
     names = {channel: channel for _, channel in found}
     if isinstance(result, TraceShape):
-        found += [(subject(step), step.target) for step in result.steps]
+        # Closures have no names in the drawing: `each` of them is no joint.
+        shown = [step for step in result.steps if step.klass != "closure" or step.target != "each"]
+        found += [(subject(step), step.target) for step in shown]
         left = None if result.unexplained is None else result.unexplained.target
         found += [(f"what is left at {left}", left)] if left not in (None, "all") else []
         names |= {target: target_words("", target) for _, target in found}

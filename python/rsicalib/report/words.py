@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 from rsicalib.facts.shapes import (
@@ -127,6 +128,10 @@ def target_words(klass: str, target: str) -> str:
         return "each sensor"
     if klass == "sensor" and "+" in target:
         return f"sensors {listed_words(target.split('+'))}"
+    if klass == "closure" and target == "each":
+        return "all closures of one make"
+    if klass == "closure" and target.startswith("each("):
+        return f"all closures of the make of {target.removeprefix('each(').removesuffix(')')}"
     if target.startswith("each/"):
         return f"row {target.removeprefix('each/')} of each chain"
     if target.startswith("each."):
@@ -518,6 +523,14 @@ def value_words(parameter: StepParameter) -> str:
     sd = parameter.sd
     value, half = plus_minus(parameter.value, None if sd is None else 1.96 * sd)
     return with_unit(f"{value} ± {half}", parameter.unit)
+
+
+def longer_words(parameter: StepParameter) -> str:
+    """How much longer something is, or shorter: `longer by 0.5 ± 0.02 mm`."""
+    value = parameter.value
+    if value is None or value >= 0.0:
+        return f"longer by {value_words(parameter)}"
+    return f"shorter by {value_words(replace(parameter, value=-value))}"
 
 
 def law_words(law: CurveLaw) -> str:

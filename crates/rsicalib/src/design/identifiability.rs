@@ -466,9 +466,10 @@ fn hidden(
     // A distance grows with the whole.
     let grows = |k: usize| {
         let (_, target) = labels.distances[k];
-        let Target::Closure(closure) = target else { return 0.0 };
-        match mechanism.closures[closure].value {
-            Some(Value::Known(value)) if loops.scale[k] > 0.0 => value / loops.scale[k],
+        // Distances of one make that differ do not grow by the same.
+        let own = mechanism.closures_of(target).map(|closure| &mechanism.closures[closure].value);
+        match own.reduce(|a, b| if a == b { a } else { &None }) {
+            Some(Some(Value::Known(value))) if loops.scale[k] > 0.0 => value / loops.scale[k],
             _ => 0.0,
         }
     };

@@ -77,12 +77,14 @@ pub fn collapsed(model: &Model, beta: &[f64]) -> bool {
 pub(crate) fn shrunk(model: &Model, beta: &[f64]) -> bool {
     let closures = &model.mechanism.closures;
     let gone = |k: usize| {
-        let fitted = model.instances.iter().zip(&model.first).find(|(i, _)| {
-            matches!(i.term.acts(), Acts::Distance) && i.target == Target::Closure(k)
+        let own = model.instances.iter().zip(&model.first).filter(|(i, _)| {
+            matches!(i.term.acts(), Acts::Distance)
+                && model.mechanism.has_part(i.target, Target::Closure(k))
         });
-        match (fitted, &closures[k].value) {
-            (Some((_, &first)), Some(Value::Known(drawn))) => {
-                (drawn + beta[first]).abs() < COLLAPSED * drawn.abs()
+        let longer = own.map(|(_, &first)| beta[first]).reduce(|a, b| a + b);
+        match (longer, &closures[k].value) {
+            (Some(longer), Some(Value::Known(drawn))) => {
+                (drawn + longer).abs() < COLLAPSED * drawn.abs()
             }
             _ => false,
         }

@@ -1,10 +1,15 @@
-//! Chains that are drawn alike, and what they share.
+//! Chains and distances that are drawn alike, and what they share.
 
+use crate::closures::ClosureKind;
 use crate::mechanism::drawing::{Chain, Closure, Mechanism, Row};
 use crate::mechanism::target::{Target, bits};
 
 /// Numbers of drawings that differ by less than this, in parts of the larger, are the same.
 pub(super) const SAME: f64 = 1e-6;
+
+/// Sensors whose nominal gains, and distances whose values, differ by less than this, in parts, may be of
+/// one make.
+pub(super) const MAKE: f64 = 0.1;
 
 impl Mechanism {
     /// Chains that are drawn alike, but for where they stand: groups of two or more.
@@ -47,6 +52,9 @@ impl Mechanism {
                 let channels = self.group_of(first).into_iter().filter_map(channel);
                 channels.map(Target::Channel).collect()
             }
+            Target::EachClosure(first) => {
+                self.made_as(first).into_iter().map(Target::Closure).collect()
+            }
             Target::Together(channels) => bits(channels).map(Target::Channel).collect(),
             single => vec![single],
         }
@@ -62,11 +70,44 @@ impl Mechanism {
             (Target::EachJoint(..) | Target::Together(_), Target::Channel(_)) => {
                 self.parts(target).contains(&part)
             }
+            (Target::EachClosure(first), Target::Closure(k)) => self.made_as(first).contains(&k),
             _ => target == part,
         }
     }
 
-    /// Targets of all chains of a group: the chains, their rows, and their joints.
+    /// Distances that may be of one make, as the rods of a delta printer: groups of two or more.
+    ///
+    /// Their values are known, and within a tenth of that of the first.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn distances_alike(&self) -> Vec<Vec<usize>> {
+        let mut groups: Vec<(f64, Vec<usize>)> = Vec::new();
+        for (k, closure) in self.closures.iter().enumerate() {
+            let Some(value) = self.made_length(closure) else { continue };
+            match groups.iter_mut().find(|(first, _)| close(*first, value, MAKE)) {
+                Some((_, group)) => group.push(k),
+                None => groups.push((value, vec![k])),
+            }
+        }
+        let groups = groups.into_iter().map(|(_, group)| group);
+        groups.filter(|group| group.len() > 1).collect()
+    }
+
+    /// The length of a part that was made: a known distance that readings see. What lies between two places
+    /// was measured there.
+    fn made_length(&self, closure: &Closure) -> Option<f64> {
+        let made = closure.kind == ClosureKind::Distance && !self.is_link(closure);
+        closure.value.as_ref().filter(|_| made)?.known()
+    }
+
+    /// The distances of one make that this one is the first of; none where it is not.
+    fn made_as(&self, first: usize) -> Vec<usize> {
+        let mut groups = self.distances_alike().into_iter();
+        groups.find(|group| group[0] == first).unwrap_or_default()
+    }
+
+    /// Targets of all chains of a group: the chains, their rows, and their joints; and all distances of one
+    /// make.
     ///
     /// A row before the first joint is one where it differs in nothing but the angle at which
     /// its chain stands.
@@ -89,6 +130,8 @@ impl Mechanism {
             let joints = self.channels_of(first).len();
             targets.extend((0..joints).map(|joint| Target::EachJoint(first, joint)));
         }
+        let made = self.distances_alike().into_iter();
+        targets.extend(made.map(|group| Target::EachClosure(group[0])));
         targets.extend(self.lengths_together());
         targets
     }
@@ -180,15 +223,17 @@ pub(super) fn close(a: f64, b: f64, share: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mechanism::drawing::Value;
 
     #[test]
-    fn arms_of_the_hand_controller_share_rows_joints_and_themselves() {
+    fn arms_of_the_hand_controller_share_rows_joints_and_themselves_and_so_do_sides_of_its_handle()
+    {
         let mechanism = Mechanism::rsi();
         assert_eq!(mechanism.alike(), [[0, 1, 2]]);
         let names: Vec<String> =
             mechanism.shared_targets().iter().map(|t| t.name(&mechanism)).collect();
         let expected =
-            ["each", "each/1", "each/2", "each/3", "each/4", "each.1", "each.2", "each.3"];
+            ["each", "each/1", "each/2", "each/3", "each/4", "each.1", "each.2", "each.3", "each"];
         assert_eq!(names, expected);
         assert_eq!(mechanism.channels_at(Target::EachJoint(0, 1)), [1, 4, 7]);
         assert!(mechanism.one_make(Target::EachJoint(0, 1)));
@@ -200,8 +245,8 @@ mod tests {
         mechanism.chains[1].rows[1].a += 0.01;
         let channels = (0..9).map(Target::Channel);
         let rows = (0..3).flat_map(|c| (0..4).map(move |row| Target::Row(c, row)));
-        let single: Vec<Target> =
-            channels.chain(rows).chain((0..3).map(Target::Chain)).chain([Target::All]).collect();
+        let whole = (0..3).map(Target::Chain).chain((0..3).map(Target::Closure));
+        let single: Vec<Target> = channels.chain(rows).chain(whole).chain([Target::All]).collect();
         for target in mechanism.shared_targets().into_iter().chain(single.clone()) {
             let parts = mechanism.parts(target);
             for &one in &single {
@@ -217,7 +262,8 @@ mod tests {
         assert_eq!(mechanism.alike(), [[0, 2]]);
         assert_eq!(mechanism.parts(Target::EachRow(0, 1)), [Target::Row(0, 1), Target::Row(2, 1)]);
         mechanism.chains[2].rows[3].alpha += 0.01;
-        assert!(mechanism.alike().is_empty() && mechanism.shared_targets().is_empty());
+        assert!(mechanism.alike().is_empty());
+        assert_eq!(mechanism.shared_targets(), [Target::EachClosure(0)]);
     }
 
     #[test]
@@ -227,6 +273,53 @@ mod tests {
         let names: Vec<String> =
             mechanism.shared_targets().iter().map(|t| t.name(&mechanism)).collect();
         assert!(names.contains(&"each/2".into()) && !names.contains(&"each/1".into()));
+    }
+
+    #[test]
+    fn distances_of_one_make_are_those_of_nearly_the_same_known_value() {
+        let groups = |change: &dyn Fn(&mut Mechanism)| {
+            let mut mechanism = Mechanism::rsi();
+            change(&mut mechanism);
+            let shared = mechanism.distances_alike();
+            let names = shared.iter().map(|g| Target::EachClosure(g[0]).name(&mechanism));
+            (shared.clone(), names.collect::<Vec<_>>())
+        };
+        let side =
+            Mechanism::rsi().closures[0].value.as_ref().and_then(Value::known).unwrap_or(0.0);
+        let is = |k: usize, value: f64| {
+            move |m: &mut Mechanism| m.closures[k].value = Some(Value::Known(value))
+        };
+        let of = |group: &[usize]| (vec![group.to_vec()], vec!["each".to_owned()]);
+        assert_eq!(groups(&|_| {}), of(&[0, 1, 2]));
+        assert_eq!(groups(&is(1, 1.05 * side)), of(&[0, 1, 2]));
+        assert_eq!(groups(&is(1, 1.2 * side)), of(&[0, 2]));
+        assert_eq!(groups(&is(0, 1.2 * side)), of(&[1, 2]));
+        // What a channel or another instrument reads was not made.
+        let column = |m: &mut Mechanism| m.closures[1].value = Some(Value::Column("l".into()));
+        assert_eq!(groups(&column), of(&[0, 2]));
+        let channel = |m: &mut Mechanism| {
+            (m.closures[1].value, m.closures[1].channel) = (None, Some("a11".into()));
+        };
+        assert_eq!(groups(&channel), of(&[0, 2]));
+        let touching = |m: &mut Mechanism| m.closures[1].kind = ClosureKind::Touch;
+        assert_eq!(groups(&touching), of(&[0, 2]));
+        let two_kinds = |m: &mut Mechanism| {
+            let other = |c: &Closure| Closure { value: Some(Value::Known(9.0)), ..c.clone() };
+            let more: Vec<Closure> = m.closures[..2].iter().map(other).collect();
+            m.closures.extend(more);
+        };
+        let named = vec!["each".to_owned(), format!("each({})", Mechanism::rsi().closures[0].name)];
+        assert_eq!(groups(&two_kinds), (vec![vec![0, 1, 2], vec![3, 4]], named));
+    }
+
+    #[test]
+    fn lengths_of_one_make_are_the_scale_where_no_other_is_known() {
+        let mut mechanism =
+            Mechanism { closures: Mechanism::rsi().closures, ..Mechanism::default() };
+        assert!(mechanism.has_scale() && mechanism.has_scale_beside(&[0, 1]));
+        assert!(!mechanism.has_scale_beside(&[0, 1, 2]));
+        mechanism.chains = Mechanism::rsi().chains;
+        assert!(mechanism.has_scale_beside(&[0, 1, 2]));
     }
 
     #[test]

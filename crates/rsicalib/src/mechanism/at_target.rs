@@ -1,11 +1,8 @@
 //! What a target is of: its channels, and their units.
 
-use crate::mechanism::alike::{SAME, close};
+use crate::mechanism::alike::{MAKE, SAME, close};
 use crate::mechanism::drawing::{Channel, Mechanism};
 use crate::mechanism::target::Target;
-
-/// Sensors whose nominal gains differ by less than this, in parts, may be of one make.
-const MAKE: f64 = 0.1;
 
 impl Mechanism {
     /// The channels that a target is of, or has: all of a chain; none of a row or a closure. Of a

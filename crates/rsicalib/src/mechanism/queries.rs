@@ -188,14 +188,20 @@ impl Mechanism {
     /// True where some length is known beside what channels read: of a link, between points, or between
     /// places in the base. What is drawn of a point that is unknown in part is no such length.
     pub(crate) fn has_scale(&self) -> bool {
+        self.has_scale_beside(&[])
+    }
+
+    /// The same beside the values of some closures.
+    pub(crate) fn has_scale_beside(&self, closures: &[usize]) -> bool {
         let rows = self.chains.iter().flat_map(|c| &c.rows);
         let mut links = rows.map(|row| row.body().translation.vector.norm());
-        let known = |c: &Closure| c.value.as_ref().is_some_and(|v| v.known().is_some());
+        let values = self.closures.iter().enumerate().filter(|(k, _)| !closures.contains(k));
+        let mut values = values.filter_map(|(_, c)| c.value.as_ref());
         let fixed = self.points.iter().filter(|p| p.chain.is_none() && !p.is_unknown());
         let mut places = fixed.filter_map(|p| p.at);
         let first = places.next();
         links.any(|long| long > 0.0)
-            || self.closures.iter().any(known)
+            || values.any(|value| value.known().is_some())
             || places.any(|at| Some(at) != first)
             || self.points.iter().any(|p| p.columns.is_some())
     }

@@ -23,6 +23,8 @@ pub enum Target {
     EachRow(usize, usize),
     /// The same joint of all of them, from 0.
     EachJoint(usize, usize),
+    /// All distances that may be of one make, by the first of them.
+    EachClosure(usize),
     /// Several channels: a bit for each of the first 64.
     Together(u64),
 }
@@ -35,12 +37,16 @@ impl Target {
         channels.into_iter().try_fold(0, bit).map(Self::Together)
     }
 
-    /// True for a target that several chains share.
+    /// True for a target that several parts share: one parameter for all of them.
     #[must_use]
     pub fn is_shared(self) -> bool {
         matches!(
             self,
-            Self::EachChain(_) | Self::EachRow(..) | Self::EachJoint(..) | Self::Together(_)
+            Self::EachChain(_)
+                | Self::EachRow(..)
+                | Self::EachJoint(..)
+                | Self::EachClosure(_)
+                | Self::Together(_)
         )
     }
 }

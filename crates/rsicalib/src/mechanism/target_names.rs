@@ -5,8 +5,8 @@ use crate::mechanism::target::{Target, bits};
 
 impl Target {
     /// The name that users write: `a22`, `arm2/2`, `arm2`, `wrist1-wrist2`, `all`, and of chains that
-    /// are drawn alike `each`, `each/2`, `each.2`. A second kind of such chains is named by its first
-    /// chain: `each(leg3)/2`.
+    /// are drawn alike `each`, `each/2`, `each.2`; `each`, too, of distances of one make. A second kind is named
+    /// by the first of its parts: `each(leg3)/2`, `each(rod d)`.
     ///
     /// A target that the mechanism does not have is named by its kind and index: `channel 12`.
     #[must_use]
@@ -22,12 +22,17 @@ impl Target {
                 mechanism.closures.get(c).map_or_else(|| format!("closure {c}"), |c| c.name.clone())
             }
             Self::Place(place) => place.text().into(),
-            Self::EachChain(first) => group_name(mechanism, first),
+            Self::EachChain(first) => chains_name(mechanism, first),
             Self::EachRow(first, row) => {
-                format!("{}/{}", group_name(mechanism, first), row.saturating_add(1))
+                format!("{}/{}", chains_name(mechanism, first), row.saturating_add(1))
             }
             Self::EachJoint(first, joint) => {
-                format!("{}.{}", group_name(mechanism, first), joint.saturating_add(1))
+                format!("{}.{}", chains_name(mechanism, first), joint.saturating_add(1))
+            }
+            Self::EachClosure(first) => {
+                let groups = mechanism.distances_alike();
+                let its_first = groups.first().is_some_and(|group| group[0] == first);
+                group_name(its_first, || Self::Closure(first).name(mechanism))
             }
             Self::Together(_) if self.is_each(mechanism) => "each".into(),
             Self::Together(_) if self.chain_of_all(mechanism).is_some() => {
@@ -93,11 +98,14 @@ impl Target {
     }
 }
 
-fn group_name(mechanism: &Mechanism, first: usize) -> String {
-    match mechanism.alike().first().is_some_and(|group| group[0] == first) {
-        true => "each".into(),
-        false => format!("each({})", chain_name(mechanism, first)),
-    }
+fn chains_name(mechanism: &Mechanism, first: usize) -> String {
+    let is_first = mechanism.alike().first().is_some_and(|group| group[0] == first);
+    group_name(is_first, || chain_name(mechanism, first))
+}
+
+/// `each` of the first group of its kind, of another with the name of its first part.
+fn group_name(is_first: bool, part: impl Fn() -> String) -> String {
+    if is_first { "each".into() } else { format!("each({})", part()) }
 }
 
 fn chain_name(mechanism: &Mechanism, chain: usize) -> String {

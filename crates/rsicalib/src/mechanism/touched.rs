@@ -78,11 +78,12 @@ impl Mechanism {
         things.filter_map(own).next().map(|name| PlaceName::of(&name))
     }
 
-    /// The closures that a target is of: one, or those that touch a place.
+    /// The closures that a target is of: one, those of one make, or those that touch a place.
     pub(crate) fn closures_of(&self, target: Target) -> impl Iterator<Item = usize> {
-        let single = if let Target::Closure(closure) = target { Some(closure) } else { None };
+        let own = self.parts(target).into_iter();
+        let own = own.filter_map(|part| if let Target::Closure(k) = part { Some(k) } else { None });
         let place = if let Target::Place(place) = target { Some(place) } else { None };
-        single.into_iter().chain(place.into_iter().flat_map(|place| self.closures_at(place)))
+        own.chain(place.into_iter().flat_map(|place| self.closures_at(place)))
     }
 
     /// The closures that touch a place.

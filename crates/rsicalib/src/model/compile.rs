@@ -558,7 +558,8 @@ impl Model {
     /// What terms add to the distance of a closure of the mechanism.
     fn added_to(&self, closure: usize) -> Vec<Added> {
         let own = |i: &Instance| {
-            matches!(i.term.acts(), Acts::Distance) && i.target == Target::Closure(closure)
+            matches!(i.term.acts(), Acts::Distance)
+                && self.mechanism.has_part(i.target, Target::Closure(closure))
         };
         let instances = self.instances.iter().zip(&self.first).enumerate();
         let added = instances

@@ -44,7 +44,10 @@ impl Instance {
             Per::Row => matches!(self.target, Target::Row(..) | Target::EachRow(..)),
             Per::Chain => matches!(self.target, Target::Chain(_) | Target::EachChain(_)),
             Per::ChainOrAll => matches!(self.target, Target::Chain(_) | Target::All),
-            Per::Closure => matches!(self.target, Target::Closure(_) | Target::Place(_)),
+            Per::Closure => matches!(
+                self.target,
+                Target::Closure(_) | Target::Place(_) | Target::EachClosure(_)
+            ),
         };
         if !kind || !self.target.is_in(mechanism) {
             let all = targets(self.term, mechanism).into_iter().chain(shared(self.term, mechanism));

@@ -132,9 +132,15 @@ impl Model {
 
     /// How well the mechanism file says that the parameters of an instance are known.
     fn declared_sd(&self, instance: &Instance) -> Option<f64> {
+        let known = |k: usize| self.mechanism.closures.get(k).and_then(|c| c.sd);
         let declared = self.mechanism.model.sd.get(instance.term.info().id).copied();
         declared.or_else(|| match instance.target {
-            Target::Closure(k) => self.mechanism.closures.get(k).and_then(|c| c.sd),
+            Target::Closure(k) => known(k),
+            // What all share is no better known than the one that is known least.
+            Target::EachClosure(_) => {
+                let parts = self.mechanism.closures_of(instance.target).map(known);
+                parts.reduce(|a, b| Some(a?.max(b?))).flatten()
+            }
             Target::Place(place) => {
                 let mut touching = self.mechanism.closures_at(place);
                 touching.find_map(|k| self.mechanism.closures[k].sd)

@@ -9,7 +9,8 @@ term! {
     ///
     /// Adds `rate T` to the value of a distance closure, where `T` is the temperature above the
     /// mean of the session: a rod, a bar, a side of a handle. The rate is the length times its
-    /// expansion, 12e-6 per kelvin for steel and 23e-6 for aluminium.
+    /// expansion, 12e-6 per kelvin for steel and 23e-6 for aluminium; `distance_growth@each` is that of all
+    /// distances of one make.
     DistanceGrowth("distance_growth", Closure, per Closure, needs Temperature) {
         rate: "length/K" ~ 2e-5,
     } acts Acts::Distance

@@ -17,7 +17,7 @@ use crate::terms::laws::devices::{
     Device, How, Rng, hand_controller, instance, instances, on_surface, pair, plate, random, sizes,
 };
 use crate::terms::laws::differences::{EVERY_STAGE, check_parameters, check_readings, evaluated};
-use crate::terms::targets::{provided, targets};
+use crate::terms::targets::{provided, shared, targets};
 use crate::terms::term::{Acts, Class, Needs, Term};
 
 #[path = "../../tests/devices/mod.rs"]
@@ -81,13 +81,15 @@ pub fn zero_parameters_change_nothing(term: &'static dyn Term) {
     }
 }
 
-/// `X` of its parameters, through every stage.
+/// `X` of its parameters, at single targets and at shared ones, through every stage.
 pub fn partials_match_differences(term: &'static dyn Term) {
     for device in devices_for(term) {
         let readings = device.readings();
         let (mut all, mut values) = others(term, &device, &readings);
         let first = values.len();
-        for instance in instances(term, &device.mechanism, &readings) {
+        let of_all = |target| instance(term, target, &device.mechanism, &readings);
+        let shared = shared(term, &device.mechanism).into_iter().map(of_all);
+        for instance in instances(term, &device.mechanism, &readings).into_iter().chain(shared) {
             values.extend(sizes(&instance, &device.mechanism, &mut Rng::new(5)));
             all.push(instance);
         }

@@ -104,9 +104,9 @@ fn touched(mechanism: &Mechanism, readings: &Readings, closure: usize) -> Vec<Ta
     places
 }
 
-/// Every target that chains share and that a term may have, with one parameter for all of them.
+/// Every target that several parts share and that a term may have, with one parameter for all of them.
 ///
-/// Rows and chains share what moves with them, joints what their sensors do where those may be of
+/// Rows and chains share what moves with them, distances of one make their error, joints what their sensors do where those may be of
 /// one make, and how they give to their load. What each session has anew, a free shape, and the
 /// line of a channel are of one channel.
 #[must_use]
@@ -128,6 +128,8 @@ pub fn shared(term: &dyn Term, mechanism: &Mechanism) -> Vec<Target> {
             let alike = carry_alike(mechanism, *first) && mechanism.one_make(*target);
             own && (info.class == Class::Load || alike)
         }
+        // Rods that were cut alike are wrong alike.
+        (Target::EachClosure(_), Per::Closure) => matches!(term.acts(), Acts::Distance),
         // Belts of one make may all begin elsewhere, or all stretch.
         (Target::Together(_), Per::Channel) => mechanism.one_make(*target),
         _ => false,

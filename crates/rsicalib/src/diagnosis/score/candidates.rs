@@ -149,6 +149,13 @@ fn meaningful(observations: &Observations, fit: &Fit, term: &dyn Term, target: T
             return false;
         }
     }
+    // Where nothing else is known, the lengths of one make are the scale.
+    if let Target::EachClosure(_) = target {
+        let own: Vec<usize> = mechanism.closures_of(target).collect();
+        if !mechanism.has_scale_beside(&own) {
+            return false;
+        }
+    }
     if target.is_shared() {
         // What all parts have by themselves, they do not share beside that.
         let parts = mechanism.parts(target);
