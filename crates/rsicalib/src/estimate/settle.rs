@@ -264,8 +264,8 @@ impl Room {
         repeats
     }
 
-    /// Takes the other place of what is unknown in a pose, (169), where the squares of the whitened
-    /// misclosure are less there by more than chance; true where it has taken one.
+    /// Takes the other place of what is unknown in a pose, (169), or the one where a body is looked for by these parameters,
+    /// where the squares of the whitened misclosure are less there by more than chance; true where it has taken one.
     pub(crate) fn cross(
         &mut self,
         part: &Part,
@@ -285,13 +285,19 @@ impl Room {
             return false;
         }
         let xi = &a_hat[part.readings.channels..];
-        let other = part.model.placed_across(part.readings, block, xi, x, &mut self.ws);
-        let Some(mut other) = other else { return false };
-        let there = squares(self, &mut other);
-        let mut crossed = false;
-        for lane in (0..WIDTH).filter(|&lane| there.0[lane] + by_chance < here.0[lane]) {
-            a_hat.iter_mut().zip(&other).for_each(|(own, other)| own.0[lane] = other.0[lane]);
-            crossed = true;
+        let across = part.model.placed_across(part.readings, block, xi, x, &mut self.ws);
+        let turns = !part.model.posed.bodies.is_empty();
+        let anew = turns.then(|| self.place(part, block, x));
+        let (mut left, mut crossed) = (here, false);
+        for mut other in across.into_iter().chain(anew) {
+            let there = squares(self, &mut other);
+            let less = |lane: &usize| there.0[*lane] + by_chance < left.0[*lane];
+            let taken: Vec<usize> = (0..WIDTH).filter(less).collect();
+            crossed |= !taken.is_empty();
+            for lane in taken {
+                a_hat.iter_mut().zip(&other).for_each(|(own, other)| own.0[lane] = other.0[lane]);
+                left.0[lane] = there.0[lane];
+            }
         }
         crossed
     }

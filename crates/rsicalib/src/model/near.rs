@@ -3,7 +3,6 @@
 use crate::model::compiled::Model;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, WIDTH, dispatch, solve_lower, solve_transposed};
-use crate::numerics::order;
 use crate::readings::Readings;
 
 /// The one rule of rank for what is unknown in one pose: a direction that moves the equations less
@@ -19,10 +18,7 @@ const STILL: f64 = 1e-13;
 /// The other of two solutions is taken where it leaves less than this part of the squares.
 const CLEARLY: f64 = 0.25;
 
-/// Samples from which others are approached, one after the other.
-const OTHERS: usize = 2;
-
-/// Steps in which they are.
+/// Steps in which what is open at a start closes.
 const APPROACH: usize = 10;
 
 /// Squares of the equations of eight samples at a place, with `f` and `B`.
@@ -46,11 +42,10 @@ impl Model {
     ) -> Near {
         let at: Vec<Lanes> = a[..self.scales.len()].iter().chain(xi).copied().collect();
         self.evaluate_at(readings, block, &at, beta, Want { x: false, a: true }, ws);
-        let mut cost = [0.0; WIDTH];
-        for (f, length) in ws.f.iter().zip(&self.lengths()) {
-            cost.iter_mut().zip(f.0).for_each(|(cost, f)| *cost += (f * length).powi(2));
-        }
-        Near { xi: xi.to_vec(), f: ws.f.clone(), b: ws.b.clone(), cost }
+        let (f, b) = (ws.f.clone(), ws.b.clone());
+        let mut near = Near { xi: xi.to_vec(), f, b, cost: [0.0; WIDTH] };
+        near.weigh(&self.lengths());
+        near
     }
 
     /// Damped least squares from a start, lane by lane.
@@ -63,8 +58,12 @@ impl Model {
         start: Vec<Lanes>,
         ws: &mut Workspace,
     ) -> Near {
+        self.lowest(&mut |xi: &[Lanes]| self.look(readings, block, a, beta, xi, ws), start)
+    }
+
+    /// The same of equations as `look` has them.
+    fn lowest(&self, look: &mut dyn FnMut(&[Lanes]) -> Near, start: Vec<Lanes>) -> Near {
         let lengths = self.lengths();
-        let mut look = |xi: &[Lanes]| self.look(readings, block, a, beta, xi, ws);
         let mut here = look(&start);
         let mut damping = [1e-3; WIDTH];
         for _ in 0..STEPS {
@@ -93,26 +92,28 @@ impl Model {
         here
     }
 
-    /// The place of each lane, found from that of one of them as its readings become those of the lane.
+    /// The place that is found in steps from a start, as what is open there closes, (180).
     pub(super) fn walked(
         &self,
         readings: &Readings,
         block: usize,
         a: &[Lanes],
         beta: &[f64],
-        (near, from): (&Near, usize),
+        start: Vec<Lanes>,
         ws: &mut Workspace,
     ) -> Near {
-        let there: Vec<Lanes> = a.iter().map(|a| Lanes::splat(a.0[from])).collect();
-        let start = near.xi.iter().map(|x| Lanes::splat(x.0[from])).collect();
-        let step = |xi: Vec<Lanes>, k: usize, ws: &mut Workspace| {
-            let part = k as f64 / APPROACH as f64;
-            let on: Vec<Lanes> =
-                there.iter().zip(a).map(|(from, to)| *from + (*to - *from) * part).collect();
-            self.nearest(readings, block, &on, beta, xi, ws)
+        let open = self.look(readings, block, a, beta, &start, ws).f;
+        let mut look = |xi: &[Lanes], part: f64| {
+            let mut near = self.look(readings, block, a, beta, xi, ws);
+            near.f.iter_mut().zip(&open).for_each(|(f, open)| *f -= *open * part);
+            near.weigh(&self.lengths());
+            near
         };
-        let before = (1..APPROACH).fold(start, |xi, k| step(xi, k, ws).xi);
-        step(before, APPROACH, ws)
+        let before = (1..APPROACH).fold(start, |xi, k| {
+            let part = 1.0 - k as f64 / APPROACH as f64;
+            self.lowest(&mut |xi: &[Lanes]| look(xi, part), xi).xi
+        });
+        self.nearest(readings, block, a, beta, before, ws)
     }
 }
 
@@ -175,19 +176,17 @@ impl Near {
         self.cost[lane] < (1e-9 * self.size(lane)).powi(2)
     }
 
-    /// The lanes from which others are approached, the least open first.
-    pub(super) fn least_open(&self) -> [usize; OTHERS] {
-        let mut lanes: Vec<usize> = (0..WIDTH).collect();
-        order::ascending(&mut lanes, |&lane| self.cost[lane]);
-        std::array::from_fn(|k| lanes[k])
+    /// True where the equations of all lanes are closed to rounding.
+    pub(super) fn is_closed(&self) -> bool {
+        (0..WIDTH).all(|lane| self.closed(lane))
     }
 
-    /// True where a lane is far more open than half of all.
-    pub(super) fn is_uneven(&self) -> bool {
-        let mut sorted = self.cost;
-        sorted.sort_unstable_by(f64::total_cmp);
-        let far = |cost: f64| cost.is_nan() || CLEARLY * CLEARLY * cost > sorted[WIDTH / 2];
-        (0..WIDTH).any(|lane| !self.closed(lane) && far(self.cost[lane]))
+    /// Squares of the equations, each over its length.
+    fn weigh(&mut self, lengths: &[f64]) {
+        self.cost = [0.0; WIDTH];
+        for (f, length) in self.f.iter().zip(lengths) {
+            self.cost.iter_mut().zip(f.0).for_each(|(cost, f)| *cost += (f * length).powi(2));
+        }
     }
 
     /// Takes another place in the lanes where it closes clearly better.

@@ -10,8 +10,13 @@
 //! This is where a fit starts; it then settles `ξ` with the weights of the noise, (59). Of mirror
 //! solutions the one is taken that the search finds from where the mechanism's file looks for it. Where
 //! there is another place across a free motion, (169), that closes clearly better, it is taken. What turns may be
-//! found by half a turn off: where a sample is far more open than those beside, its readings are approached in steps
-//! from those of the least open one.
+//! found by half a turn off: it is looked for in steps, too,
+//!
+//! ```text
+//! ξ_k = argmin Σ ((f - (1 - k/10) f(ξ_0)) / length)²                      (180)
+//! ```
+//!
+//! each from the one before, from `ξ_0` as drawn, where all is closed.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -58,17 +63,15 @@ impl Model {
     ) -> Vec<Lanes> {
         let drawn = self.posed.slots();
         let drawn = drawn.filter(|(slot, _)| slot.is_some()).map(|(_, at)| Lanes::splat(at));
-        let mut best = self.nearest(readings, block, a, beta, drawn.collect(), ws);
+        let drawn: Vec<Lanes> = drawn.collect();
+        let mut best = self.nearest(readings, block, a, beta, drawn.clone(), ws);
         let among = self.among(readings, block, beta, ws);
         best.take_better(&self.nearest(readings, block, a, beta, among, ws));
         if let Some(other) = self.across(readings, block, a, beta, &best, ws) {
             best.take_better(&other);
         }
-        for from in best.least_open() {
-            if self.posed.bodies.is_empty() || !best.is_uneven() {
-                break;
-            }
-            best.take_better(&self.walked(readings, block, a, beta, (&best, from), ws));
+        if !self.posed.bodies.is_empty() && !best.is_closed() {
+            best.take_better(&self.walked(readings, block, a, beta, drawn, ws));
         }
         a[..self.scales.len()].iter().copied().chain(best.xi).collect()
     }
