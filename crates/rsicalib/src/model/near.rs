@@ -176,9 +176,12 @@ impl Near {
         self.cost[lane] < (1e-9 * self.size(lane)).powi(2)
     }
 
-    /// True where the equations of all lanes are closed to rounding.
-    pub(super) fn is_closed(&self) -> bool {
-        (0..WIDTH).all(|lane| self.closed(lane))
+    /// True where a lane is far more open than half of all.
+    pub(super) fn is_uneven(&self) -> bool {
+        let mut sorted = self.cost;
+        sorted.sort_unstable_by(f64::total_cmp);
+        let far = |cost: f64| cost.is_nan() || CLEARLY * CLEARLY * cost > sorted[WIDTH / 2];
+        (0..WIDTH).any(|lane| !self.closed(lane) && far(self.cost[lane]))
     }
 
     /// Squares of the equations, each over its length.

@@ -10,7 +10,7 @@
 //! This is where a fit starts; it then settles `ξ` with the weights of the noise, (59). Of mirror
 //! solutions the one is taken that the search finds from where the mechanism's file looks for it. Where
 //! there is another place across a free motion, (169), that closes clearly better, it is taken. What turns may be
-//! found by half a turn off: it is looked for in steps, too,
+//! found by half a turn off: where a sample is far more open than those beside, it is looked for in steps, too,
 //!
 //! ```text
 //! ξ_k = argmin Σ ((f - (1 - k/10) f(ξ_0)) / length)²                      (180)
@@ -70,7 +70,7 @@ impl Model {
         if let Some(other) = self.across(readings, block, a, beta, &best, ws) {
             best.take_better(&other);
         }
-        if !self.posed.bodies.is_empty() && !best.is_closed() {
+        if !self.posed.bodies.is_empty() && best.is_uneven() {
             best.take_better(&self.walked(readings, block, a, beta, drawn, ws));
         }
         a[..self.scales.len()].iter().copied().chain(best.xi).collect()
