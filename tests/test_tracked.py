@@ -113,6 +113,7 @@ def test_columns_of_the_other_hand_are_said(noise: float | None, mistake: str) -
     found = rsicalib.trace(readings, drawn(noise))
     (said,) = [warning for warning in found.warnings if warning.kind == "left_handed"]
     assert "x, y, z" in said.text and "left-handed" in said.text
+    assert "See to the warning first (cone is left-handed)" in " ".join(found.summary().split())
     assert not found.steps and found.exit_code != 0
 
 

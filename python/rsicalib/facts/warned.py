@@ -63,6 +63,17 @@ WIRING: frozenset[WarnedKind] = frozenset(
 """What somebody at the device can mend: a wire, a converter, the place of a sensor on its shaft."""
 
 
+MISTAKES: dict[WarnedKind, str] = {
+    "exchanged": "look exchanged",
+    "reversed": "reads the wrong way round",
+    "either_reversed": "read the wrong way round, one of them",
+    "left_handed": "is left-handed",
+    "degrees": "looks like the other unit of angles",
+    "units": "looks like another unit",
+}
+"""What somebody wrote or wired otherwise than it is declared, as it is said of what it is about."""
+
+
 class Warned(Record):
     """Something suspicious about the readings, or about what is declared of them.
 

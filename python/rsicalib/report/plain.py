@@ -10,6 +10,7 @@ from rsicalib.report.words import (
     labelled,
     listed_words,
     longer_words,
+    mistaken,
     moved_words,
     name_of,
     number,
@@ -63,6 +64,8 @@ def plain_words(result: ResultShape, evidence: Evidence | None) -> str:
             return _in_part(result)
         return " ".join(_found(result, step) for step in _worst(result)[:2])
     right = _right(result, evidence)
+    if result.verdict == "unexplained" and (mistake := mistaken(result)):
+        return f"Something is wired or written otherwise than declared: {mistake}. Do not use it."
     if result.verdict == "unexplained":
         at = place_words(result) if isinstance(result, TraceShape) else ""
         used = f" Used as it is, the calibration is {right}." if right else ""

@@ -15,6 +15,7 @@ from rsicalib.report.words import (
     excluded_words,
     labelled,
     law_words,
+    mistaken,
     name_of,
     noise_words,
     not_applied,
@@ -240,7 +241,7 @@ def _left_out(result: ResultShape, look: Look) -> list[str]:
 
 
 def _left(result: TraceShape, look: Look) -> list[str]:
-    if result.verdict == "implausible":
+    if result.verdict == "implausible" or (result.verdict == "unexplained" and mistaken(result)):
         return []  # of readings of another mechanism nothing is left, and they hide nothing
     lines: list[str] = []
     # Where something is, it stands whole among what to do next.

@@ -22,6 +22,7 @@ from rsicalib.facts.shapes import (
     StepParameter,
     TraceShape,
 )
+from rsicalib.facts.warned import MISTAKES
 from rsicalib.io.builtin import DEFAULT
 from rsicalib.units import in_thousandths, with_unit
 
@@ -301,6 +302,9 @@ def sentence(result: ResultShape) -> str:
             f"Partly explained: {missing} {leave} ({judged}), but may stand for an effect that no "
             "term has."
         )
+    mistake = mistaken(result)
+    if result.verdict == "unexplained" and mistake:
+        return f"Unexplained: {mistake} ({judged})."
     if result.verdict == "unexplained":
         if isinstance(result, TraceShape):
             where = place_words(result)
@@ -313,6 +317,17 @@ def sentence(result: ResultShape) -> str:
     count = sum(it.samples or 1 for it in result.excluded if it.kind != "stuck_bits")
     out = "" if not count else f" without {count} bad sample{'s' * (count > 1)}"
     return f"Adequate{_yet(result)}: what is left{out} is the noise of the readings ({judged})."
+
+
+def mistaken(result: ResultShape) -> str:
+    """A mistake of which a trace warns that found nothing, in words; empty where there is none."""
+    if not isinstance(result, TraceShape) or result.steps:
+        return ""
+    for warning in result.warnings:
+        if warning.kind in MISTAKES and warning.target is not None:
+            of = listed_words(warning.target.split("+"))
+            return f"{of} {MISTAKES[warning.kind]}"
+    return ""
 
 
 FAR = 10.0
@@ -559,6 +574,8 @@ def advice(result: ResultShape) -> list[str]:
     """What to do, or to measure, next."""
     out = []
     fit = quality(result)
+    if result.verdict in ("unexplained", "implausible") and (mistake := mistaken(result)):
+        return [f"Do not use it. See to the warning first ({mistake}), then trace again."]
     if result.verdict in ("adequate", "explained"):
         how = f"rsicalib forward READINGS{_given(result)} --calibration result.json"
         out.append(f"{_use(result)}: {how}.")
