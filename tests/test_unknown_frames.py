@@ -5,6 +5,7 @@ The witness is the simulation: where the balls of the plate were, by numpy alone
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -251,3 +252,20 @@ def test_a_result_is_applied_where_no_instrument_sees_the_body() -> None:
     np.testing.assert_allclose(alone, rsicalib.forward(legs | blank, drawn, found), rtol=0)
     with pytest.raises(rsicalib.InputError, match="l3"):
         rsicalib.forward({k: v for k, v in legs.items() if k != "l3"}, drawn, found)
+
+
+@pytest.mark.parametrize("mistake", ["exchanged", "inches"])
+def test_a_mistake_in_all_columns_of_an_instrument_is_told_once(mistake: str) -> None:
+    """What it sees is three points: a part of them undone closes nothing."""
+    drawn, readings, _ = session(TURNS["anyhow"], 6, 3)
+    columns = dict(readings.columns)
+    for k in range(3):
+        if mistake == "inches":
+            columns |= {f"{a}{k}": columns[f"{a}{k}"] / 25.4 for a in "xyz"}
+        else:
+            columns |= {f"x{k}": columns[f"y{k}"], f"y{k}": columns[f"x{k}"]}
+    found = rsicalib.trace(replace(readings, columns=columns), drawn)
+    kind = "units" if mistake == "inches" else "left_handed"
+    assert [(w.kind, w.target) for w in found.warnings] == [(kind, "seen0")]
+    assert "mistake" in [reason.kind for reason in found.reasons] and not found.steps
+    assert "See to the warning first" in found.summary()

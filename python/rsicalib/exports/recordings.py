@@ -62,10 +62,10 @@ def _stamps(readings: Readings) -> FloatArray:
     expected = "the time of each row, 0 to 2147483647 s: each message of a bag has one"
     if readings.time_s is None:
         raise InputError.at(readings.source, "no such column", expected, column="time_s")
-    for line, time in enumerate(readings.time_s.tolist()):
-        if not 0 <= time < 2**31:
-            found = f"{time:g} in sample {line + 1}"
-            raise InputError.at(readings.source, found, expected, column="time_s")
+    bad = np.flatnonzero((readings.time_s < 0) | (readings.time_s >= 2**31))
+    if bad.size:
+        found = f"{readings.time_s[bad[0]]:g} in sample {bad[0] + 1}"
+        raise InputError.at(readings.source, found, expected, column="time_s")
     return readings.time_s
 
 

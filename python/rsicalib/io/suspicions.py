@@ -10,6 +10,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from rsicalib import _core
 from rsicalib.facts.warned import Warned, WarnedKind
 from rsicalib.io.cells import MechanismLike
@@ -63,7 +65,9 @@ def suspicions(readings: Samples, mechanism: MechanismLike) -> list[Warned]:
 def _misspelt(readings: Samples, column: str) -> Iterator[Warned]:
     """Labels that differ from a more frequent one by capitals, or stand once and are near one."""
     labels = readings.keys[column]
-    first = [i for i in range(len(labels)) if i == 0 or readings.pose[i] != readings.pose[i - 1]]
+    if len(set(labels)) < 2:
+        return
+    first = np.flatnonzero(np.diff(readings.pose, prepend=readings.pose[0] - 1)).tolist()
     count = Counter(labels[i] for i in first)
     for name, times in count.items():
         others = [other for other in count if count[other] > times]

@@ -320,8 +320,8 @@ def sentence(result: ResultShape) -> str:
 
 
 def mistaken(result: ResultShape) -> str:
-    """A mistake of which a trace warns that found nothing, in words; empty where there is none."""
-    if not isinstance(result, TraceShape) or result.steps:
+    """The mistake for which a trace looked for no effect, in words; empty where there is none."""
+    if all(reason.kind != "mistake" for reason in result.reasons):
         return ""
     for warning in result.warnings:
         if warning.kind in MISTAKES and warning.target is not None:

@@ -114,6 +114,8 @@ pub struct Traced {
     pub judge: Judge,
     /// Probability of the residual by chance; none where only the fit gives the noise.
     pub p_value: Option<f64>,
+    /// True where the loop closes with a mistake undone, and by far not as declared: no effect was looked for.
+    pub mistaken: bool,
 }
 
 impl Traced {
@@ -380,7 +382,8 @@ fn explain(
     wanted: Scope,
 ) -> Result<(Traced, bool), Error> {
     let before = fit(all, all.instances()?, None)?;
-    let wanted = if is_miswired(all, &before) { Scope::Nothing } else { wanted };
+    let mistaken = is_miswired(all, &before);
+    let wanted = if mistaken { Scope::Nothing } else { wanted };
     let screened = pursue(all, &before, search, wanted, Kept::Once)?;
     let weighed =
         wanted == Scope::All && search.uses(Rule::KeptIn) && screened.leaves_samples_out();
@@ -418,7 +421,7 @@ fn explain(
     let something = left_over || !steps.is_empty();
     // In a motion the noise of neighbours is alike, which a smooth law would explain.
     let poses = !observations.readings.moves();
-    let unknown = match (!lost || !steps.is_empty()) && (something || poses) {
+    let unknown = match !mistaken && (!lost || !steps.is_empty()) && (something || poses) {
         true => averaged.unknown_law(&current, &said, left_over)?,
         false => None,
     };
@@ -452,6 +455,7 @@ fn explain(
         offsets,
         judge,
         p_value,
+        mistaken,
     };
     Ok((traced, lost))
 }

@@ -161,6 +161,8 @@ pub struct Evidence {
     pub p_value: Option<f64>,
     /// χ² of the residual per degree of freedom.
     pub chi2_per_dof: Option<f64>,
+    /// True where the loop closes with a mistake undone, and by far not as declared.
+    pub mistaken: bool,
     /// True where nothing like the noise that judges it is there.
     pub loose: bool,
     /// True where effects were found.
@@ -220,6 +222,8 @@ pub enum Why {
     Predicted,
     /// Something is absurd beside the size of the mechanism.
     Absurd,
+    /// The loop closes with a mistake of wires, columns or units undone, and by far not as declared: no effect was looked for.
+    Mistake,
     /// More is left than chance leaves.
     Residual,
     /// The effects found may stand for another that no term has.
@@ -318,7 +322,11 @@ pub struct Judgement {
 /// large, and what it predicts says nothing.
 #[must_use]
 pub fn judge(evidence: &Evidence) -> Judgement {
-    let one = |verdict, kind| Judgement { verdict, reasons: vec![Reason::of(kind)] };
+    let mistake = || evidence.mistaken.then(|| Reason::of(Why::Mistake));
+    let one = |verdict, kind| {
+        let reasons = std::iter::once(Reason::of(kind)).chain(mistake()).collect();
+        Judgement { verdict, reasons }
+    };
     match evidence.determined {
         Determined::Nothing => return one(Verdict::Undetermined, Why::Nothing),
         Determined::Lost => return one(Verdict::Undetermined, Why::NotConverged),
@@ -332,7 +340,10 @@ pub fn judge(evidence: &Evidence) -> Judgement {
         Determined::NothingLeft => return one(Verdict::Undetermined, Why::NothingLeft),
         Determined::Unobservable => return one(Verdict::Undetermined, Why::Unobservable),
     }
-    let reasons = against(evidence);
+    let mut reasons = against(evidence);
+    if !reasons.is_empty() {
+        reasons.splice(0..0, mistake());
+    }
     // What known poses show comes before what is predicted; so does what is left. Nothing is measured against knowledge
     // that the readings contradict.
     if let Some([found, expected]) = evidence.predicted.filter(|_| evidence.tells_nothing())

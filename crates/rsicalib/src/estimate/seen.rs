@@ -10,8 +10,9 @@ use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Closes, Suspicion};
 
-/// The point whose columns are in another unit, or mirrored, where the loop closes with that undone, and by far not as they
-/// are: `left` is χ² per degree of freedom by a `noise`, and `refit` a fit of other observations.
+/// The first point that an instrument sees whose columns are in another unit, or mirrored, where the loop closes with that
+/// undone for all points that it sees, and by far not as they are: `left` is χ² per degree of freedom by a `noise`, and
+/// `refit` a fit of other observations.
 pub(crate) fn miswritten(
     observations: &Observations,
     noise: &Noise,
@@ -20,13 +21,22 @@ pub(crate) fn miswritten(
 ) -> Option<Suspicion> {
     let limit = closing(observations, left)?;
     let mechanism = &observations.mechanism;
-    let columns = mechanism.value_columns();
-    let seen = (0..mechanism.points.len()).filter(|&p| mechanism.points[p].columns.is_some());
+    let (columns, points) = (mechanism.value_columns(), &mechanism.points);
+    let alike = |p: usize, other: usize| points[p].frame == points[other].frame;
+    let of_instrument = |p: usize| points[p].columns.is_some();
+    let seen = (0..points.len()).filter(|&p| of_instrument(p));
+    let first = |p: &usize| !(0..*p).any(|other| of_instrument(other) && alike(*p, other));
+    let seen = seen.filter(first);
     let again = |point: usize, times: [f64; 3]| {
         let mut table = observations.readings.table.clone();
-        for (name, times) in mechanism.points[point].columns.as_ref()?.iter().zip(times) {
-            let column = columns.iter().position(|column| column == name)?;
-            table.columns[column].iter_mut().for_each(|value| *value *= times);
+        let mut by = vec![1.0; columns.len()];
+        for own in points.iter().filter(|own| own.frame == points[point].frame) {
+            for (name, times) in own.columns.iter().flatten().zip(times) {
+                by[columns.iter().position(|column| column == name)?] = times;
+            }
+        }
+        for (column, by) in table.columns.iter_mut().zip(by) {
+            column.iter_mut().for_each(|value| *value *= by);
         }
         Some(Again::of(observations, (mechanism, table), noise, &refit)?.left)
             .filter(|with| *with < limit)

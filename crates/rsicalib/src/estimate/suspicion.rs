@@ -206,7 +206,8 @@ impl Suspicion {
         matches!(self, Self::Exchanged { .. } | Self::Reversed { .. } | Self::EitherReversed { .. })
     }
 
-    /// How well the loop closes with wires, or columns of an instrument, exchanged, reversed or in another unit, where that is suspected.
+    /// How well the loop closes with wires, or columns of an instrument, exchanged, reversed or in another unit, where
+    /// that is suspected.
     #[must_use]
     pub fn rewired(&self) -> Option<Closes> {
         match self {

@@ -1,8 +1,8 @@
 //! Which law: a formula that does as well as a smooth function, by (156).
 //!
 //! Formulas are sums of few products of a factor of each variable: powers from a place, waves of an angle,
-//! steps and bends at a place, what saturates, ratios, decays of time. The columns `Z` of a sum follow from (71), so that none is
-//! refitted: with `T = uᵀ M⁻¹ u` for its `K` columns, among `N_K` such sums of a few places and whole orders
+//! steps and bends at a place, what saturates, ratios, decays of time. The columns `Z` of a sum follow from (71), so that
+//! none is refitted: with `T = uᵀ M⁻¹ u` for its `K` columns, among `N_K` such sums of a few places and whole orders
 //!
 //! ```text
 //! price = data(χ² - T) - data(χ²) + charge(K + R, T) + 2 ln N_K + 2 ln 3           (156)
