@@ -9,6 +9,7 @@ from rsicalib.facts.records import Record
 WarnedKind: TypeAlias = Literal[
     "reversed",
     "either_reversed",
+    "zeros",
     "exchanged",
     "gap",
     "stuck",

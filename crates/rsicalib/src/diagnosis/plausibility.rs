@@ -6,6 +6,7 @@
 use std::f64::consts::PI;
 
 use crate::diagnosis::curve::curve;
+use crate::estimate::limits::beyond_limits;
 use crate::estimate::noise::source::NOISIER;
 use crate::estimate::search::ratios;
 use crate::estimate::{Fit, Observations};
@@ -91,23 +92,10 @@ pub fn absurdities(observations: &Observations, fit: &Fit, found: &[Instance]) -
     let open = open.then_some(Absurdity::Misclosure { rms, length });
     let effects = found.iter().filter_map(|instance| oversized(fit, mechanism, instance));
     let beyond = (0..mechanism.channels.len()).filter_map(|channel| {
-        beyond_limits(observations, fit, channel).map(|span| Absurdity::Limits { channel, span })
+        beyond_limits(observations, &fit.model, &fit.beta, channel)
+            .map(|span| Absurdity::Limits { channel, span })
     });
     noisy.chain(open).chain(beyond).chain(effects).collect()
-}
-
-/// Where a joint is by its offset, if no row has it within the limits that its file tells and a row has it there as drawn.
-fn beyond_limits(observations: &Observations, fit: &Fit, channel: usize) -> Option<[f64; 2]> {
-    let Observations { readings, weights, .. } = observations;
-    let drawn = &observations.mechanism.channels[channel];
-    let [low, high] = drawn.limits?;
-    let offset = fit.beta[fit.model.column(Role::Offset, channel)?];
-    let used = (0..readings.samples).filter(|row| weights[*row] > 0.0);
-    let angles: Vec<f64> = used.map(|row| drawn.angle(readings.row(row)[channel])).collect();
-    let within = |by: f64| angles.iter().any(|q| (low..=high).contains(&(q + by)));
-    let ends = [f64::INFINITY, f64::NEG_INFINITY];
-    let span = angles.iter().fold(ends, |[a, b], q| [a.min(q + offset), b.max(q + offset)]);
-    (within(0.0) && !within(offset)).then_some(span)
 }
 
 /// True for a misclosure that is no error of a drawing.

@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::estimate::conclusion::{Told, times, widening};
-use crate::estimate::conventions::{Conventions, Here};
+use crate::estimate::conventions::{Conventions, Here, OtherConfigurations};
 use crate::estimate::fitted::Fit;
 use crate::estimate::implicit::Implicit;
 use crate::estimate::minimum::minimum;
@@ -10,15 +10,14 @@ use crate::estimate::noise::open;
 use crate::estimate::noise::source::first_noise;
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
-use crate::estimate::sized::sized;
+use crate::estimate::placed::placed;
 use crate::estimate::softer::softer;
 use crate::estimate::suspected::suspect;
-use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::Start;
-use crate::estimate::turned::turned;
-use crate::estimate::{search, start};
+use crate::estimate::{search, start, zeros};
 use crate::model::{Instance, Model, Prior};
 use crate::numerics::linearization::Problem;
+use crate::numerics::random::Random;
 use crate::terms::term::Acts;
 
 /// Fits the parameters of `instances` by (50) to (52), or by (11) for
@@ -60,14 +59,27 @@ pub fn fit(
         Some(fit) => after(fit, &model),
         None => begin(observations, &model, &guess),
     };
-    let found = if observations.is_long() || observations.judged {
-        solve(observations, model, priors, start, guess)
-    } else {
+    let from_start = |start: Start, guess: Noise| {
+        if observations.is_long() || observations.judged {
+            return solve(observations, model.clone(), priors.clone(), start, guess);
+        }
         open::fit_with_seatings(observations, &model, &start, |observations, start| {
             let noise = first_noise(observations, from.map(Fit::assumed));
             solve(observations, model.clone(), priors.clone(), start, noise)
         })
     };
+    let mut found = from_start(start, guess.clone());
+    let first = found.as_mut().ok().filter(|_| from.is_none() && !observations.judged);
+    let anywhere = |first: &Fit| {
+        zeros::anywhere(observations, first, |beta| {
+            from_start(placed(observations, &model, &guess, beta), guess.clone())
+        })
+    };
+    if let Some(first) = first
+        && let Some(other) = anywhere(first)
+    {
+        zeros::beside(first, other);
+    }
     // A wrong reading may keep the loops open from every start; a later fit without it closes them.
     let found = found.map(|mut fit| {
         if from.is_some() && fit.plausible && fit.chi2 < observations.options.good_start * fit.dof {
@@ -129,13 +141,12 @@ fn begin(observations: &Observations, model: &Model, noise: &Noise) -> Start {
     if model.unknowns.is_empty() && model.pose_unknowns() == 0 {
         return start::search(observations, model, noise);
     }
-    let mut beta = search::anchored(observations, model, &vec![1.0; model.scales.len()]);
-    let untold = model.place_unknowns(&observations.readings, &mut beta);
-    let beta = sized(observations, model, noise, beta);
-    let beta = turned(observations, model, noise, beta);
-    let lost = |k: usize| Suspicion::Lost { name: model.unknowns[k].name.clone(), open: 0.0 };
-    let warnings = untold.into_iter().map(lost).collect();
-    Start { beta, warnings, ..Start::default() }
+    placed(
+        observations,
+        model,
+        noise,
+        search::anchored(observations, model, &vec![1.0; model.scales.len()]),
+    )
 }
 
 /// Largest number of fits, each with joints as soft as the fit before tells.
@@ -217,7 +228,7 @@ fn conventions_at_start(
     let (readings, weights) = (&observations.readings, Some(&observations.weights[..]));
     let part = Part { model, readings, weights };
     let gram = Implicit::new(vec![(part, noise.clone())], priors).linearize(&start.beta).gram();
-    let here = Here { observations, model, priors, beta: &start.beta, noise };
+    let here = Here { observations, model, priors, beta: &start.beta, noise, configurations: None };
     Conventions::of(here, &gram)
 }
 
@@ -230,7 +241,8 @@ pub fn with_conventions(observations: &Observations, fit: Fit) -> Fit {
         return fit;
     }
     let Fit { model, priors, beta, .. } = &fit;
-    let here = Here { observations, model, priors, beta, noise: &fit.assumed() };
+    let here =
+        Here { observations, model, priors, beta, noise: &fit.assumed(), configurations: None };
     let conventions = Conventions::of(here, &fit.gram);
     let stays = conventions.stay(model);
     let Told { gram, inverse, unknowable, condition } = Told::of(&conventions, fit.gram);
@@ -238,7 +250,22 @@ pub fn with_conventions(observations: &Observations, fit: Fit) -> Fit {
     Fit { gram, covariance, unknowable, condition, conventions, stays, ..fit }
 }
 
-/// Directions of a fit with one more term that no reading could show, beyond those without it.
+/// Random configurations by which [`conventions_of`] any term is told: at zero no term changes one.
+pub(crate) fn other_configurations(
+    observations: &Observations,
+    fit: &Fit,
+) -> Option<OtherConfigurations> {
+    let (model, priors, beta) = (&*fit.model, &fit.priors[..], &fit.beta[..]);
+    let here =
+        Here { observations, model, priors, beta, noise: &fit.assumed(), configurations: None };
+    OtherConfigurations::of(here, model.term_parameters + WIDEST, &mut Random::new(0)).ok()
+}
+
+/// Parameters of the widest term.
+const WIDEST: usize = 6;
+
+/// Directions of a fit with one more term that no reading could show, beyond those without it; `configurations` are
+/// those of [`other_configurations`], where they are made already.
 ///
 /// # Errors
 ///
@@ -247,12 +274,13 @@ pub(crate) fn conventions_of(
     observations: &Observations,
     fit: &Fit,
     term: Instance,
+    configurations: Option<&OtherConfigurations>,
 ) -> Result<usize, Error> {
     let model = &observations.model_beside(&fit.model, &[term])?;
     let (beta, priors) = (&carry_over(fit, model)[..], &observations.priors(model)[..]);
     let Observations { readings, weights, .. } = observations;
     let (part, noise) = (Part { model, readings, weights: Some(weights) }, &fit.assumed());
     let gram = Implicit::new(vec![(part, noise.clone())], priors).linearize(beta).gram();
-    let here = Here { observations, model, priors, beta, noise };
+    let here = Here { observations, model, priors, beta, noise, configurations };
     Ok(Conventions::of(here, &gram).number().saturating_sub(fit.conventions.number()))
 }

@@ -7,6 +7,7 @@ use crate::estimate::search::{End, StartSearch, anchored};
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::tried::{Gains, Origin, Start, Try};
 use crate::model::Model;
+use crate::numerics::thin;
 
 /// Common factors on the nominal gains, the nearest to 1 first.
 const FACTORS: [f64; 9] = [1.0, 0.75, 1.35, 0.55, 1.8, 0.4, 2.4, 0.3, 3.2];
@@ -121,23 +122,10 @@ fn starts(channels: usize, anchors: usize, count: usize) -> Vec<(usize, Gains, V
         .flat_map(|f| (0..anchors).map(move |at| (at, f)))
         .map(|(at, f)| (at, Gains::Times(*f), vec![*f; channels]))
         .collect();
-    // Low-discrepancy factors between 0.3 and 3: the additive recurrence of Roberts.
-    let root = generalised_golden(channels);
-    for n in 1..=count.saturating_sub(starts.len()) {
-        let factors = (0..channels).map(|c| {
-            let alpha = root.powi(-(c as i32 + 1));
-            0.3 * 10.0_f64.powf((0.5 + alpha * n as f64).fract())
-        });
+    let further = count.saturating_sub(starts.len());
+    for (n, parts) in (1..=further).zip(thin::scattered(channels)) {
+        let factors = parts.iter().map(|part| 0.3 * 10.0_f64.powf(*part)); // from 0.3 to 3
         starts.push((n % anchors, Gains::Scattered(n), factors.collect()));
     }
     starts
-}
-
-/// The root of `x^(d+1) = x + 1`.
-fn generalised_golden(dimensions: usize) -> f64 {
-    let mut x: f64 = 1.5;
-    for _ in 0..60 {
-        x = (1.0 + x).powf(1.0 / (dimensions as f64 + 1.0));
-    }
-    x
 }

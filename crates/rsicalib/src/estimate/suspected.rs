@@ -20,7 +20,10 @@ pub(super) fn suspect(
     let of_wiring = of_wiring(observations, &fit, again);
     fit.warnings.extend(of_wiring);
     // What a mistake leaves says nothing of the noise.
-    if fit.warnings.iter().any(|it| it.rewired().is_some()) {
+    let mistaken = |it: &Suspicion| {
+        it.rewired().is_some() || matches!(it, Suspicion::Degrees { of, .. } if of.is_of_readings())
+    };
+    if fit.warnings.iter().any(mistaken) {
         fit.warnings.retain(|it| !it.of_noise_by_the_fit());
     }
     fit

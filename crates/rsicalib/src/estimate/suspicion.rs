@@ -21,6 +21,13 @@ pub enum Suspicion {
         /// How well the loop closes with one of them reversed.
         closes: Closes,
     },
+    /// Beside a mistake: with the zeros of encoders far from where they are declared the loop closes as well.
+    Zeros {
+        /// The channels.
+        channels: Vec<usize>,
+        /// How well the loop closes so.
+        closes: Closes,
+    },
     /// The readings of two channels are exchanged.
     Exchanged {
         /// The channels, two for each exchange with which the loop closes as well.
@@ -263,6 +270,7 @@ impl Suspicion {
             Self::Reversed { .. }
                 | Self::EitherReversed { .. }
                 | Self::Exchanged { .. }
+                | Self::Zeros { .. }
                 | Self::Gap { .. }
                 | Self::Stuck { .. }
                 | Self::LeftHanded { .. }

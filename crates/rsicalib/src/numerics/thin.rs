@@ -17,6 +17,23 @@ pub(crate) fn spread(count: usize, most: usize) -> impl Iterator<Item = usize> {
     (0..count.div_ceil(stride)).map(of_stretch)
 }
 
+/// Points of the unit cube of so many dimensions, one after the other, that leave no part of it empty for long: the
+/// additive recurrence of Roberts.
+pub(crate) fn scattered(dimensions: usize) -> impl Iterator<Item = Vec<f64>> {
+    let root = generalised_golden(dimensions);
+    let alpha: Vec<f64> = (1..=dimensions).map(|d| root.powi(-(d as i32))).collect();
+    (1..).map(move |n| alpha.iter().map(|a| (0.5 + a * f64::from(n)).fract()).collect())
+}
+
+/// The root of `x^(d+1) = x + 1`.
+fn generalised_golden(dimensions: usize) -> f64 {
+    let mut x: f64 = 1.5;
+    for _ in 0..60 {
+        x = (1.0 + x).powf(1.0 / (dimensions as f64 + 1.0));
+    }
+    x
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::HashSet;

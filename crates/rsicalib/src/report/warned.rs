@@ -79,6 +79,8 @@ pub enum Kind {
     Reversed,
     /// One of these channels reads the wrong way round, and nothing says which.
     EitherReversed,
+    /// Beside such a mistake: with the zeros of these channels far from where they are declared the loop closes as well.
+    Zeros,
     /// The readings of two channels are exchanged.
     Exchanged,
     /// The gap of a track lies within the range of motion.
@@ -294,6 +296,7 @@ fn of_suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> Warned {
     let (kind, target) = match suspicion {
         Suspicion::Reversed { channels: of, .. } => (Kind::Reversed, channels(of)),
         Suspicion::EitherReversed { channels: of, .. } => (Kind::EitherReversed, channels(of)),
+        Suspicion::Zeros { channels: of, .. } => (Kind::Zeros, channels(of)),
         Suspicion::Exchanged { channels: of, .. } | Suspicion::Unlike { channels: of, .. } => {
             (Kind::Exchanged, channels(&of[0]))
         }

@@ -17,7 +17,7 @@ pub(crate) const DECISIVE: f64 = 20.0;
 
 /// A fit ends where steps lower χ² by less than this part of it: such fits are told apart by a factor of
 /// [`DECISIVE`], of which this is a fiftieth.
-pub(super) const LITTLE: f64 = 0.02 / DECISIVE;
+pub(crate) const LITTLE: f64 = 0.02 / DECISIVE;
 
 /// A fit of other observations.
 pub(crate) struct Again {

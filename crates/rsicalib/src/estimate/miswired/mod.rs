@@ -16,7 +16,7 @@ mod rewired;
 mod stuck;
 
 pub(crate) use again::DECISIVE;
-pub(super) use again::{Again, closing};
+pub(super) use again::{Again, LITTLE, closing};
 pub(super) use by_refit::{in_other_unit, miswired};
 pub(super) use mistake::OTHER_UNIT;
 pub(super) use rewired::{NEAR, apart};
