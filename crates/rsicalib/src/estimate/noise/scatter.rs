@@ -168,6 +168,30 @@ impl Groups {
         (within, dof)
     }
 
+    /// The most that a whitened misclosure of readings with noise `sigma` can scatter, per degree of freedom: the sum over
+    /// channels of their variance within poses, in units of that noise. Loops that are far from closed scatter by whatever
+    /// settles them. Infinite where no pose was held, and where more is read with each sample than channels.
+    #[must_use]
+    pub fn most(&self, observations: &Observations, sigma: &[f64]) -> f64 {
+        let Readings { channels, table, held, .. } = &*observations.readings;
+        if !held || !observations.mechanism.value_columns().is_empty() {
+            return f64::INFINITY;
+        }
+        let dof: usize = self.rows.iter().map(|rows| rows.len().saturating_sub(self.order)).sum();
+        let mut left = Vec::new();
+        let mut of_channel = |channel: usize| {
+            let mut within = 0.0;
+            for rows in self.rows.iter().filter(|rows| rows.len() > self.order) {
+                left.clear();
+                left.extend(rows.iter().map(|r| table.values[r * channels + channel]));
+                detrend(&mut left, self.order);
+                within += left.iter().map(|v| v * v).sum::<f64>();
+            }
+            within / dof.max(1) as f64 / sigma[channel].powi(2)
+        };
+        (0..*channels).map(&mut of_channel).sum()
+    }
+
     /// Eq. (61): the scatter of residuals within these groups, of which a variance of
     /// `rounding` is white whatever the samples' correlation.
     #[must_use]

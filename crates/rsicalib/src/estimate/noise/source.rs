@@ -387,6 +387,9 @@ pub(crate) fn check_declared(
     let shown = shown * rounding.map_or(1.0, |rounding| rounding.shown(residuals, used));
     let seen = within / dof / shown + lasting;
     let usual = groups.median_variance(residuals) / shown + lasting;
+    if within / dof > groups.most(observations, &used.sigma) {
+        return None;
+    }
     let factor = misdeclared(seen, effective)?;
     // One bad sample is no noise: it is for the usual pose to say.
     if (usual > ALIKE.powi(2)) != (factor > 1.0) || (usual < ALIKE.powi(-2)) != (factor < 1.0) {
@@ -439,7 +442,8 @@ impl Shown<'_> {
         if steady.is_some() {
             return scaled(1.0, Source::Repeats, effective.max(1.0));
         }
-        let mean_square = scatter.within / dof.max(1.0) / shown;
+        let most = groups.most(observations, &used.sigma);
+        let mean_square = (scatter.within / dof.max(1.0)).min(most) / shown;
         // Rows of a motion that resemble their neighbours so much that few are left of them tell no noise:
         // what is left changes more slowly than over the rows of a group, and may be no noise at all.
         let differ = if held { dof } else { dof.min(effective) };
