@@ -63,8 +63,10 @@ def test_a_sensor_that_slipped_is_no_point_that_moved(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(sized(1, 10)))
 def test_a_cone_that_moved_is_named(seed: int) -> None:
+    # Later cones were not seen before: the arm, moved instead, leaves the same readings.
     found = traced(seed, move=0.3)
-    assert (names(found), found.excluded) == ([("point_slip", "cone[at=b]")], ())
+    assert {*names(found)} == {("point_slip", "cone[at=b]"), ("base_slip", "arm")}
+    assert (len(found.steps), found.excluded) == (1, ())
     assert abs(int(found.steps[0].place or 0) - FIRST) <= 2
 
 

@@ -10,7 +10,7 @@ use crate::diagnosis::score::scored::{Family, Judge, MOST_TIMES, Scored};
 use crate::estimate::at_fit::AtFit;
 use crate::estimate::{Fit, Implicit, Observations, Part, carry_over};
 use crate::mechanism::{Mechanism, Target};
-use crate::model::Instance;
+use crate::model::{Instance, Thing};
 use crate::screening::steps::{Fitted, SIDE, StepScore, StepSums};
 use crate::terms;
 use crate::terms::targets::{searchable, targets_in};
@@ -35,12 +35,18 @@ fn moves_once(term: &dyn Term) -> bool {
 }
 
 /// False where a move changes no reading, or would pass for another: a point that closes a loop is
-/// no tool in a clamp, and a chain that nothing ties to its base has none.
+/// no tool in a clamp, and the base of a chain that nothing ties to it moves as the one thing does that the chain touches.
 fn meaningful(mechanism: &Mechanism, fit: &Fit, term: &dyn Term) -> bool {
+    let unknowns = &fit.model.unknowns;
     if term.moves_tool() {
-        return !fit.model.unknowns.is_empty();
+        return !unknowns.is_empty();
     }
-    !(term.moves_only(&[Spot::Base, Spot::Root]) && mechanism.floats())
+    let stands = |thing: Thing| match thing {
+        Thing::Point(p) => mechanism.points[p].chain.is_none(),
+        _ => true,
+    };
+    let touched = unknowns.iter().filter(|unknown| stands(unknown.thing)).count();
+    !term.moves_only(&[Spot::Base, Spot::Root]) || !mechanism.floats() || touched > 1
 }
 
 /// Every body that may have moved once, displaced in all samples: before the first pose.
