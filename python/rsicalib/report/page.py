@@ -462,7 +462,11 @@ def _workspace(result: ResultShape, evidence: Evidence | None, target: float | N
 
 def _excluded(result: ResultShape) -> str:
     skipped = [f"line {s.line}, {s.column}: {s.reason}" for s in result.readings.skipped]
-    return section("Readings left out", listed([*map(excluded_words, result.excluded), *skipped]))
+    out = [excluded_words(e) for e in result.excluded if e.kind != "stuck_bits"]
+    kept = [excluded_words(e) for e in result.excluded if e.kind == "stuck_bits"]
+    return section("Readings left out", listed([*out, *skipped])) + section(
+        "Readings that count as noisier", listed(kept)
+    )
 
 
 def _moved(result: ResultShape) -> str:
@@ -562,7 +566,8 @@ def _readings(result: ResultShape, evidence: Evidence | None) -> str:
 
 def _hidden(result: TraceShape) -> str:
     shown = result.could_hide[:12]
-    placed = any(h.platform_rms is not None for h in shown)
+    known = [h.platform_rms for h in shown if h.platform_rms is not None]
+    costs = 2 if any(rms.orientation is not None for rms in known) else min(len(known), 1)
     rows = []
     for h in shown:
         rms = h.platform_rms
@@ -571,12 +576,14 @@ def _hidden(result: TraceShape) -> str:
         size = "not seen at any size" if h.detectable is None else size
         target = labelled(target_words("", h.target), h.label)
         target = target if h.place is None else f"{target} at {h.place}"
-        rows.append((name_of(h.term), target, size, *cost[: 2 * placed]))
+        rows.append((name_of(h.term), target, size, *cost[:costs]))
     heads = ["effect", "target", "seen from"]
-    heads += [f"position [{result.length_unit}]", "orientation [rad]"] * placed
+    heads += [f"position [{result.length_unit}]", "orientation [rad]"][:costs]
     note = "How large an absent effect would have to be to be seen in these poses"
     note += (
-        ", and what it would do to the platform meanwhile: the costliest first." if placed else "."
+        f", and what it would do to {moved_words(known[0])} meanwhile: the costliest first."
+        if known
+        else "."
     )
     found = table(heads, rows, 2, "what could hide")
     return section("What could hide", f"<p>{note}</p>", found) if rows else ""

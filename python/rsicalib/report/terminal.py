@@ -16,6 +16,7 @@ from rsicalib.report.words import (
     labelled,
     law_words,
     mistaken,
+    moved_words,
     name_of,
     noise_words,
     not_applied,
@@ -236,7 +237,9 @@ def _found(result: TraceShape, look: Look) -> list[str]:
 
 
 def _left_out(result: ResultShape, look: Look) -> list[str]:
-    lines = _listed("left out", [excluded_words(e) for e in result.excluded], 3, look)
+    out = [excluded_words(e) for e in result.excluded if e.kind != "stuck_bits"]
+    kept = [excluded_words(e) for e in result.excluded if e.kind == "stuck_bits"]
+    lines = _listed("left out", out, 3, look) + _listed("noisier", kept, 3, look)
     return [*lines, ""] if lines else []
 
 
@@ -246,13 +249,13 @@ def _left(result: TraceShape, look: Look) -> list[str]:
     lines: list[str] = []
     # Where something is, it stands whole among what to do next.
     if result.unexplained is not None and result.unexplained.target is None:
-        lines += _cut(f"  left over {result.unexplained.text}", look)
+        lines += _most(_entry("left over", result.unexplained.text, look), 2, look)
     for hidden in result.could_hide[: HIDDEN if look.whole else 1]:
         rms = hidden.platform_rms
         cost = (
             ""
             if rms is None
-            else f", {number(rms.position, 2)} {result.length_unit} at the platform"
+            else f", {number(rms.position, 2)} {result.length_unit} at {moved_words(rms)}"
         )
         size = f" up to {with_unit(number(hidden.detectable, 2), hidden.unit)}"
         if hidden.detectable is None:

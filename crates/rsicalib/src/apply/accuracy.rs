@@ -379,7 +379,7 @@ pub(crate) fn slopes_at(
     own[..terms].copy_from_slice(&fit.beta[..terms]);
     match placed {
         true => platform_slopes(&model, &readings, &own, &fit.assumed(), 1),
-        false => carried_slopes(&model, &readings, &own),
+        false => carried_slopes(&model, &readings, &own, 1),
     }
 }
 

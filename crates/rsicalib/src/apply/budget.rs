@@ -699,7 +699,7 @@ fn quantile(draws: &[Drawn], of: impl Fn(&Drawn) -> f64, p: f64) -> f64 {
 fn slopes_of(under: &Under, beta: &[f64], posed: bool) -> Result<Vec<Slopes>, Error> {
     match posed {
         true => platform_slopes(&under.model, &under.readings, beta, &under.noise, 1),
-        false => carried_slopes(&under.model, &under.readings, beta),
+        false => carried_slopes(&under.model, &under.readings, beta, 1),
     }
 }
 

@@ -1,9 +1,11 @@
 //! What a change of the model does to the platform, over the poses of a session.
 
+use nalgebra::{DVector, Matrix3, Vector3};
+
 use crate::Error;
 use crate::apply::check::{Check, error_of};
 use crate::apply::poses::{carried_points, some_poses};
-use crate::apply::slopes::{Slopes, platform_slopes};
+use crate::apply::slopes::{Slopes, carried_slopes, platform_slopes};
 use crate::estimate::{Fit, Noise, Observations};
 use crate::model::Model;
 #[cfg(feature = "serde")]
@@ -47,14 +49,14 @@ pub fn platform(observations: &Observations, model: &Model, beta: &[f64], noise:
         .then(|| some_poses(model, &observations.readings, beta, noise, stride))
 }
 
-/// How the platform moves with the parameters of a model, to first order.
+/// How the platform, or without one the points that chains carry, move with the parameters of a model, to first order.
 pub(crate) struct Movable {
     /// Of the samples that count.
     slopes: Vec<Slopes>,
 }
 
 impl Movable {
-    /// Of a long recording in some blocks; none without a platform.
+    /// Of a long recording in some blocks. None where neither is there, and where points are somewhere else in each pose.
     ///
     /// # Errors
     ///
@@ -66,31 +68,58 @@ impl Movable {
         noise: &Noise,
     ) -> Result<Option<Self>, Error> {
         let Observations { readings, mechanism, weights, .. } = observations;
-        if mechanism.platform.is_empty() {
-            return Ok(None);
-        }
         let stride = readings.blocks().len().div_ceil(LOOKS);
-        let mut slopes = platform_slopes(model, readings, beta, noise, stride)?;
+        let carried = mechanism.points.iter().any(|point| point.chain.is_some());
+        let mut slopes = if !mechanism.platform.is_empty() {
+            platform_slopes(model, readings, beta, noise, stride)?
+        } else if carried && model.pose_unknowns() == 0 {
+            carried_slopes(model, readings, beta, stride)?
+        } else {
+            return Ok(None);
+        };
         slopes.retain(|s| weights[s.row] > 0.0);
         Ok(Some(Self { slopes }))
     }
 
     /// What a change of these parameters does.
     pub(crate) fn by(&self, change: &[(usize, f64)]) -> PlatformRms {
-        let mut squares = [0.0; 6];
-        for Slopes { by_parameter, .. } in &self.slopes {
-            let mut moved = [0.0; 6];
-            for &(column, by) in change {
-                let slope = by_parameter.column(column);
-                moved.iter_mut().zip(&slope).for_each(|(moved, slope)| *moved += slope * by);
-            }
-            squares.iter_mut().zip(moved).for_each(|(sum, moved)| *sum += moved * moved);
+        let moved: Vec<DVector<f64>> = self.slopes.iter().map(|s| s.moved(change)).collect();
+        let points: Vec<_> = self.slopes.iter().flat_map(|s| s.points.iter().copied()).collect();
+        if !points.is_empty() {
+            let moved = moved.iter().flat_map(|all| all.as_slice().chunks_exact(3));
+            let mut moved: Vec<_> = moved.map(Vector3::from_column_slice).collect();
+            remove_motion(&points, &mut moved);
+            let square: f64 = moved.iter().map(Vector3::norm_squared).sum();
+            return PlatformRms::of_points((square / (3 * points.len()).max(1) as f64).sqrt());
         }
         let components = 3.0 * self.slopes.len().max(1) as f64;
-        let rms = |of: &[f64]| (of.iter().sum::<f64>() / components).sqrt();
-        PlatformRms { position: rms(&squares[..3]), orientation: rms(&squares[3..]) }
+        let rms = |of: std::ops::Range<usize>| {
+            let square = |all: &DVector<f64>| of.clone().map(|i| all[i].powi(2)).sum::<f64>();
+            (moved.iter().map(square).sum::<f64>() / components).sqrt()
+        };
+        PlatformRms { position: rms(0..3), orientation: rms(3..6) }
     }
 }
+
+/// Takes from small displacements the rigid motion that is next to them, `t + w × p`.
+fn remove_motion(points: &[Vector3<f64>], moved: &mut [Vector3<f64>]) {
+    let count = points.len().max(1) as f64;
+    let mean = points.iter().sum::<Vector3<f64>>() / count;
+    let shift = moved.iter().sum::<Vector3<f64>>() / count;
+    moved.iter_mut().for_each(|by| *by -= shift);
+    let (mut square, mut pull) = (Matrix3::zeros(), Vector3::zeros());
+    for (at, by) in points.iter().zip(&*moved) {
+        let r = at - mean;
+        square += Matrix3::identity() * r.norm_squared() - r * r.transpose();
+        pull += r.cross(by);
+    }
+    // Points of one line turn about that line without a trace.
+    let turn = square.pseudo_inverse(FLAT * square.norm()).map_or(Vector3::zeros(), |i| i * pull);
+    points.iter().zip(moved).for_each(|(at, by)| *by -= turn.cross(&(at - mean)));
+}
+
+/// Part of the largest moment of inertia below which there is none: rounding of points of one line.
+const FLAT: f64 = 1e-12;
 
 /// Between two fits.
 #[must_use]

@@ -11,7 +11,7 @@
 //! and a platform with points `q` about its origin, at rotation `R`, follows them by
 //! `(ΣCᵀC)⁻¹ ΣCᵀ δp`, `C = [1, -(R q)×]`.
 
-use nalgebra::{DMatrix, Matrix3, Matrix6, Rotation3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Rotation3, Vector3};
 
 use crate::Error;
 use crate::apply::poses::{Platform, settled_blocks};
@@ -29,6 +29,18 @@ pub(crate) struct Slopes {
     pub by_parameter: DMatrix<f64>,
     /// Coordinate by coordinate, one column for each channel.
     pub by_reading: DMatrix<f64>,
+    /// Where the points are whose coordinates these are; none of a platform.
+    pub points: Vec<Vector3<f64>>,
+}
+
+impl Slopes {
+    /// How coordinates move with a change of these parameters.
+    pub(crate) fn moved(&self, change: &[(usize, f64)]) -> DVector<f64> {
+        let none = DVector::zeros(self.by_parameter.nrows());
+        change
+            .iter()
+            .fold(none, |moved, (column, by)| moved + self.by_parameter.column(*column) * *by)
+    }
 }
 
 /// Of `x y z rx ry rz` of the platform, in every `stride`-th block of readings.
@@ -62,13 +74,15 @@ pub(crate) fn platform_slopes(
                 row,
                 by_parameter: &follows * moved.by_parameter,
                 by_reading: &follows * moved.by_reading,
+                points: Vec::new(),
             });
         }
     }
     Ok(slopes)
 }
 
-/// Of `x y z` of all points that chains carry, point by point, the readings as they are.
+/// Of `x y z` of all points that chains carry, point by point, the readings as they are, in every
+/// `stride`-th block.
 ///
 /// # Errors
 ///
@@ -77,19 +91,21 @@ pub(crate) fn carried_slopes(
     model: &Model,
     readings: &Readings,
     beta: &[f64],
+    stride: usize,
 ) -> Result<Vec<Slopes>, Error> {
     let points = &model.mechanism.points;
     let carried: Vec<usize> = (0..points.len()).filter(|&p| points[p].chain.is_some()).collect();
     let held = Held::new(model, readings, &carried)?;
     let mut ws = Workspace::default();
     let mut slopes = Vec::new();
-    for (block, meta) in readings.blocks().iter().enumerate() {
+    for (block, meta) in readings.blocks().iter().enumerate().step_by(stride) {
         let want = Want { x: true, a: true };
         held.model.evaluate(readings, block, readings.raw(block), beta, want, &mut ws);
         for (lane, &row) in meta.rows.iter().enumerate().take(meta.live) {
-            let (Moves { by_parameter, by_reading }, _) =
+            let (Moves { by_parameter, by_reading }, at) =
                 lane_of(&held.model, &ws, meta.group, lane, held.rows());
-            slopes.push(Slopes { row, by_parameter, by_reading });
+            let points = at.chunks_exact(3).map(Vector3::from_column_slice).collect();
+            slopes.push(Slopes { row, by_parameter, by_reading, points });
         }
     }
     Ok(slopes)

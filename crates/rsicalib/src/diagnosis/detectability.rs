@@ -1,6 +1,8 @@
 //! What could be there unseen: how large each absent effect would have to be to be seen,
 //! and what it would do to the platform meanwhile.
 
+use std::sync::OnceLock;
+
 use faer::{Mat, Side};
 
 use crate::Error;
@@ -13,9 +15,9 @@ use crate::diagnosis::score::candidates;
 use crate::diagnosis::score::projection::{Projected, project};
 use crate::diagnosis::score::scored::named_places;
 use crate::diagnosis::trace::Traced;
-use crate::estimate::conventions::OPENED;
+use crate::estimate::conventions::{OPENED, OtherConfigurations};
 use crate::estimate::directions::{as_reported, place, unit};
-use crate::estimate::{Fit, Observations, carry_over, conventions_of};
+use crate::estimate::{Fit, Observations, carry_over, conventions_of, other_configurations};
 use crate::model::Instance;
 use crate::numerics::order;
 use crate::numerics::rank::Spaces;
@@ -96,6 +98,7 @@ fn units(
     fit: &Fit,
     effect: Instance,
     candidate: &Projected,
+    room: &OnceLock<Option<OtherConfigurations>>,
 ) -> Option<Mat<f64>> {
     let typical = fit.model.typical_at(effect.term, effect.target);
     let d = typical.len();
@@ -104,7 +107,9 @@ fn units(
     if weak.is_empty() {
         return Some(all);
     }
-    let lost = conventions_of(observations, fit, effect).unwrap_or(0).min(weak.len());
+    // Configurations take as long to close as all else here.
+    let room = room.get_or_init(|| other_configurations(observations, fit)).as_ref();
+    let lost = conventions_of(observations, fit, effect, room).unwrap_or(0).min(weak.len());
     let lost = Mat::from_fn(lost, d, |k, i| weak[k][i] / typical[i]);
     let told = Spaces::of(&lost)?.null;
     (told.ncols() > 0).then(|| all * told)
@@ -155,10 +160,11 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
     let (_, to_reported) = as_reported(last);
     let platform = Movable::new(observations, &model, &beta, &last.assumed())?;
     let seen = seen_at(named.len());
+    let room = OnceLock::new();
     let of_one = |((instance, candidate), first): ((&Instance, Projected), &usize)| {
         let info = instance.term.info();
         let d = info.parameters.len();
-        let units = units(observations, last, *instance, &candidate)?;
+        let units = units(observations, last, *instance, &candidate, &room)?;
         let square = units.transpose() * &candidate.square * &units;
         let share = |i: usize| candidate.raw[i] * units.row(i).squared_norm_l2();
         let hardest = Hardest::of(&square, (0..d).map(share).sum(), seen);

@@ -51,7 +51,14 @@ pub(super) fn conclude(
     let n = gram.nrows();
     let gram = Mat::from_fn(n, n, |i, j| gram[(i, j)] / (scale * scale));
     let (beta, assumed) = (&outcome.x[..], &noise.assumed());
-    let here = Here { observations, model: &model, priors: &priors, beta, noise: assumed };
+    let here = Here {
+        observations,
+        model: &model,
+        priors: &priors,
+        beta,
+        noise: assumed,
+        configurations: None,
+    };
     let conventions = match observations.judged {
         true => Conventions::default(),
         false => Conventions::of(here, &gram),

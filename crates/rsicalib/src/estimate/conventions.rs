@@ -73,6 +73,33 @@ pub(crate) struct Here<'a> {
     pub(crate) beta: &'a [f64],
     /// The noise of its Gram matrix, but for a common factor.
     pub(crate) noise: &'a Noise,
+    /// Random configurations that are closed already; none where they are to be made.
+    pub(crate) configurations: Option<&'a OtherConfigurations>,
+}
+
+/// Random configurations of a device, closed at the estimates, at other unknown places.
+#[derive(Debug)]
+pub(crate) struct OtherConfigurations {
+    others: Configurations,
+    readings: Readings,
+}
+
+impl OtherConfigurations {
+    /// As many as so many parameters of the device need.
+    pub(crate) fn of(
+        here: Here<'_>,
+        parameters: usize,
+        random: &mut Random,
+    ) -> Result<Self, Error> {
+        let Observations { mechanism, readings, .. } = here.observations;
+        let others = Configurations::of_others(mechanism, readings)?.about(readings);
+        let free = others.mechanism().clone();
+        let under = |readings: &Readings| here.under(&free, readings);
+        let others = others.with_places(random, &under)?;
+        let each = 6 + (3 * parameters).div_ceil(2 * others.combinations());
+        let readings = others.closed_by(each, random, &under)?;
+        Ok(Self { others, readings })
+    }
 }
 
 impl Here<'_> {
@@ -421,19 +448,19 @@ impl Conventions {
         random: &mut Random,
     ) -> Result<(), Error> {
         let (terms, n) = (here.model.term_parameters, one.nrows());
-        let mechanism = &here.observations.mechanism;
-        let others = Configurations::of_others(mechanism, &here.observations.readings)?;
-        let others = others.about(&here.observations.readings);
-        let free = others.mechanism().clone();
-        let under = |readings: &Readings| here.under(&free, readings);
-        let others = others.with_places(random, &under)?;
         let followers = followers(here.model);
         let own: Vec<usize> = (0..terms).filter(|i| !followers.contains(i)).collect();
-        let each = 6 + (3 * own.len()).div_ceil(2 * others.combinations());
-        let readings = others.closed_by(each, random, &under)?;
-        let (model, mut beta) = under(&readings)?;
+        let made;
+        let OtherConfigurations { others, readings } = match here.configurations {
+            Some(closed) => closed,
+            None => {
+                made = OtherConfigurations::of(here, own.len(), random)?;
+                &made
+            }
+        };
+        let (model, mut beta) = here.under(others.mechanism(), readings)?;
         others.put(&model, &mut beta);
-        let x = others.slopes(&model, &readings, &beta);
+        let x = others.slopes(&model, readings, &beta);
         let device = Mat::from_fn(x.nrows(), own.len(), |i, j| x[(i, own[j])]);
         let unknown = x.subcols(terms, x.ncols() - terms).to_owned();
         let by = unit(&device);
