@@ -14,6 +14,7 @@ from rsicalib import InputError
 from rsicalib._core import still_stretches
 from rsicalib.imports.kinds import format_of
 from rsicalib.io.extras import EXTRAS
+from tests import cone
 from tests.commands import run_text
 
 # ------------------------------------------------------------------ Maslow4
@@ -255,6 +256,27 @@ def test_times_may_be_text(tmp_path: Path) -> None:
     path.write_text("time;q1\n01.03.2026 09:00:30,100;1,5\n")  # as it stands in the file
     with pytest.raises(InputError, match=r"found '01\.03\.2026 09:00:30,100'"):
         rsicalib.import_log(path, format="columns", hold=0)
+
+
+def test_rows_that_touch_nothing_are_left_out_and_said(tmp_path: Path) -> None:
+    """An arm is still on its way between two cones, too: nothing closes there, and no verb takes such a row."""
+    arm = rsicalib.load_mechanism(cone.mechanism(2e-5, 0.02))
+    rng = np.random.default_rng(194)
+    at = ["", *"a" * 8, "", "", *"b" * 8, *[""] * 8]
+    stands = np.array([0, *[1] * 8, 2, 3, *[4] * 8, *[5] * 8])
+    q = rng.uniform(-1.0, 1.0, (6, 6))[stands] + 1e-5 * rng.standard_normal((len(at), 6))
+    rows = [(0.1 * k, at[k], *q[k]) for k in range(len(at))]
+    names = ",".join(f"q{k}" for k in range(1, 7))
+    path = plotted(tmp_path / "log.csv", rows, f"time_s,at,{names}")
+    log = rsicalib.import_log(path, mechanism=arm)
+    assert list(log.sessions[0].columns["at"]) == [*"a" * 8, *"b" * 8]
+    assert list(log.sessions[0].columns["pose"]) == [*[1] * 8, *[2] * 8]
+    assert "11 rows without at: nothing closes there, left out" in log.findings
+    each = rsicalib.import_log(path, mechanism=arm, hold=0)
+    assert len(each.sessions[0].columns["at"]) == 16
+    # One text for all rows, and a mechanism that asks for no column, have no such row.
+    labelled = rsicalib.import_log(path, mechanism=arm, labels={"at": "cone"}, hold=0)
+    assert len(labelled.sessions[0].columns["at"]) == len(rows)
 
 
 def test_rows_of_other_series_are_left_out_and_half_rows_refused(tmp_path: Path) -> None:

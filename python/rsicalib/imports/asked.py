@@ -13,11 +13,15 @@ HOLD = 0.5
 
 @dataclass(frozen=True)
 class Needs:
-    """What a mechanism needs of a log beside its channels, and the units of those."""
+    """What a mechanism needs of a log beside its channels, and the units of those.
+
+    `own` are the columns of each closure, without which it does not hold in a row.
+    """
 
     columns: tuple[str, ...] = ()
     texts: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
+    own: tuple[tuple[str, ...], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.imports.asked import Asked, chosen, short
 from rsicalib.imports.beside import cells_beside, columns_beside, units_said
-from rsicalib.imports.log import Log
+from rsicalib.imports.log import Column, Log
 from rsicalib.imports.series import in_columns
 from rsicalib.imports.stretches import Recording, session_of
 from rsicalib.io.cells import POSE
@@ -128,7 +128,31 @@ def _recording(table: Table, asked: Asked) -> tuple[Recording, list[str]]:
         time, note = found
         notes += [note] if note else []
     cells = cells_beside(table, beside, keep, asked)
-    return Recording(tuple(places), values, time, table.lines[keep], beside=cells), notes
+    touching = _touching(cells, asked)
+    if touching is not None:
+        notes.append(_left_out(touching, asked))
+    return Recording(tuple(places), values, time, table.lines[keep], touching, "", cells), notes
+
+
+def _touching(cells: Mapping[str, Column], asked: Asked) -> np.ndarray | None:
+    """Rows in which some closure of the mechanism holds; None where that is in all, or none."""
+    told = {
+        name: np.isfinite(column) if isinstance(column, np.ndarray) else np.array(column) != ""
+        for name, column in cells.items()
+    }
+    own = [[name for name in columns if name not in asked.labels] for columns in asked.needs.own]
+    if not own or not all(own) or not {name for columns in own for name in columns} <= {*told}:
+        return None
+    holds = [np.all([told[name] for name in columns], axis=0) for columns in own]
+    touching: np.ndarray = np.any(holds, axis=0)
+    return None if touching.all() or not touching.any() else touching
+
+
+def _left_out(touching: np.ndarray, asked: Asked) -> str:
+    """What is said of rows in which no closure holds."""
+    names = dict.fromkeys(name for columns in asked.needs.own for name in columns)
+    rows = counted(int((~touching).sum()), "row")
+    return f"{rows} without {' or '.join(names)}: nothing closes there, left out"
 
 
 def _refuse_timeless(recording: Recording, table: Table, asked: Asked) -> None:

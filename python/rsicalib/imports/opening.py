@@ -163,7 +163,8 @@ def _needs_of(mechanism: str | os.PathLike[str] | Mapping[str, Any] | Mechanism)
     loaded = mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
     texts = tuple(loaded.key_columns)
     units = {channel.name: channel.unit for channel in loaded.channels}
-    return Needs((*texts, *loaded.value_columns), texts, units)
+    own = tuple(map(tuple, loaded.own_columns))
+    return Needs((*texts, *loaded.value_columns), texts, units, own)
 
 
 def _wanted(

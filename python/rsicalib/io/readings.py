@@ -327,22 +327,24 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
 
     names = tuple(channel.name for channel in mechanism.channels)
     rows = np.arange(1, len(keep) + 1, dtype=np.int64)
-    held = "pose" in free
+    keys = {
+        name: picked(map(text, table.columns[index[name]]), keep)
+        for name in index
+        if name in {*mechanism.key_columns, *TEXTS} and name not in cells
+    }
+    pose = _numbered(keys["pose"]) if "pose" in keys else whole("pose")
+    held = pose is not None
     known = free.issuperset("xyz")
     readings = Readings(
         channels=names,
         values=beside(names),
-        pose=whole("pose") if held else frozen(rows[keep]),
+        pose=frozen(rows[keep]) if pose is None else pose,
         held=held,
         sample=whole("sample"),
         time_s=optional("time_s"),
         temperature_c=optional("temperature_c"),
         poses=poses() if known else None,
-        keys={
-            name: picked(map(text, table.columns[index[name]]), keep)
-            for name in index
-            if name in {*mechanism.key_columns, *TEXTS} and name not in cells
-        },
+        keys=keys,
         columns={name: column(name) for name in mechanism.value_columns if name in cells},
         lines=frozen(table.lines[keep]),
         source=table.source,
@@ -375,6 +377,15 @@ def _at_an_end(cells: Mapping[str, Any], mechanism: MechanismLike) -> dict[int, 
                 expected = f"a reading within the range of {channel.name}, not at its end"
                 faults.setdefault(int(row), Fault(channel.name, f"{end:g}", expected))
     return faults
+
+
+def _numbered(labels: Sequence[str]) -> Any:
+    """Poses whose labels tell unknown places apart: by number, or in order of their first rows."""
+    try:
+        return frozen(np.array([int(label) for label in labels], dtype=np.int64))
+    except ValueError:
+        order = {label: k for k, label in enumerate(dict.fromkeys(labels), 1)}
+        return frozen(np.array([order[label] for label in labels], dtype=np.int64))
 
 
 def _skipped(
