@@ -231,7 +231,7 @@ def test_a_time_under_another_name_is_not_ignored_without_a_word(name, write):
         ("1e999", "'1e999'"),
         ("1_500", "'1_500'"),
         ("0x5dc", "'0x5dc'"),
-        ('"1500,5"', "'1500,5'"),
+        ('"1500,5"', "'1500,5' with a decimal comma"),
         ("4096", "4096"),
         ("-1", "-1"),
         ("4095.5", "4095.5"),

@@ -304,6 +304,17 @@ def test_a_pose_is_left_out_of_its_own_session_alone() -> None:
     assert not set(own - len(values)) & set(Sessions([first, second], result).left_out)
 
 
+def test_rows_that_a_result_has_skipped_are_skipped_by_its_plan(tmp_path: Path) -> None:
+    lines = (DEMO / "readings.csv").read_text().splitlines()
+    cells = lines[20].split(",")
+    lines[20] = ",".join([*cells[:-1], ""])
+    bad = tmp_path / "readings.csv"
+    bad.write_text("\n".join(lines) + "\n")
+    result = rsicalib.calibrate(bad, skip_bad_rows=True)
+    assert [row.line for row in result.readings.skipped] == [21]
+    assert sum(len(r.pose) for r in Sessions(bad, result).readings) == len(lines) - 2
+
+
 def test_the_command_writes_what_the_guide_and_people_read(tmp_path: Path) -> None:
     result = rsicalib.trace(DEMO / "readings.csv", rest=DEMO / "rest.csv")
     result.save(tmp_path / "trace.json")

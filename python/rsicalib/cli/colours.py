@@ -37,5 +37,5 @@ def painted(summary: str, good: bool) -> str:
     colour = BOLD + (GREEN if good else RED)
     summary = re.sub(r"\A[^:\n]+", lambda m: f"{colour}{m[0]}{PLAIN}", summary)
     summary = re.sub(r"(?m)^→", f"{BLUE}→{PLAIN}", summary)
-    labels = "readings|noise|warning|found|left out|left over|may hide|not tried"
+    labels = "readings|noise|warning|found|left out|noisier|left over|may hide|not tried"
     return re.sub(rf"(?m)^  ({labels})(?= )", lambda m: f"  {FAINT}{m[1]}{PLAIN}", summary)

@@ -603,6 +603,9 @@ class Step(Effect, Record, repr=False):
     needs_length: bool = False
     """True where one of these differs from this term by the size of the whole: a length that is
     known would tell them apart, no pose does."""
+    needs_repeats: bool = False
+    """True where this term or one of these is of when readings were taken: the first poses once
+    more at the end would tell them apart."""
     platform_rms: Rms | None = None
     """What the term did to the platform pose, the other parameters having absorbed what they
     can."""

@@ -119,9 +119,10 @@ def _words(
                 f"bit {bit} (worth {1 << bit}) is always {int(state)}"
                 for bit, state in found["bits"]
             )
+            off = sum(1 << bit for bit, _ in found["bits"])
             return (
-                f"{name}: {listed}, while higher bits change; check the converter, "
-                f"and count at least {1 << found['bits'][-1][0]} counts of error into the noise"
+                f"{name}: {listed}, while higher bits change: readings are off by up to {off} "
+                "counts; check the converter"
             )
         case "end_of_range":
             return (

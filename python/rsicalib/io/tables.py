@@ -9,6 +9,7 @@ import hashlib
 import io
 import math
 import os
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
@@ -450,6 +451,9 @@ def is_blank(cell: Any) -> bool:
     return cell is None or (isinstance(cell, str) and not cell.strip())
 
 
+DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?", re.ASCII)
+
+
 def quoted(cell: Any) -> str:
     """A cell as a message shows it: `blank`, `NaN`, a bare number, or text in quotes."""
     if is_blank(cell):
@@ -462,6 +466,7 @@ def quoted(cell: Any) -> str:
     shown = str(cell).strip()
     other = " in digits other than 0 to 9" if any(map(str.isdecimal, shown)) else ""
     other = "" if shown.isascii() else other
+    other = " with a decimal comma" if DECIMAL_COMMA.fullmatch(shown) else other
     return repr(_cut(shown)) + other
 
 

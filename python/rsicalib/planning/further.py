@@ -58,6 +58,7 @@ class Sessions:
         job = Work(mechanism, False, result, {})
         assert job.earlier is not None
         self.result: Result = job.earlier
+        job.skip = bool(self.result.readings.skipped)  # its readings, without the same rows
         job.take(readings, None, None)
         self.mechanism: Mechanism = job.mechanism
         digest = described(job.readings).sha256

@@ -776,6 +776,8 @@ def _next_measurement(result: TraceShape) -> list[str]:
             + ("its range" if len(sensors) == 1 else "their ranges"),
             "electronics": "visit the same poses again later, and in another order",
         }.get(step.klass, f"visit poses that differ more at {step.target}")
+        if step.needs_repeats:
+            how = "visit the first poses once more at the end"
         if step.needs_length:
             how = f"{MEASURED_LENGTH}; no pose tells the size of the whole"
         out.append(

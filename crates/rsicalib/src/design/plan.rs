@@ -275,7 +275,8 @@ fn check_options(mechanism: &Mechanism, options: &PlanOptions) -> Result<usize, 
     check_noise(options.noise)?;
     Error::same("beside", options.beside.len(), options.beside.len().next_multiple_of(channels))?;
     if mechanism.platform.is_empty() {
-        let why = "without one, poses are planned beside a result";
+        let why = "without one, poses are planned beside a result: calibrate a first session, of postures that \
+                   differ as much as they can, then plan with its result and its readings";
         return Err(Error::missing(&mechanism.name, "platform", why));
     }
     Layout::new(mechanism)?;

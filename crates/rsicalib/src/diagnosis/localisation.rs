@@ -8,7 +8,7 @@ use crate::diagnosis::score::scored;
 use crate::diagnosis::search::noise::scatter;
 use crate::diagnosis::trace::Traced;
 use crate::diagnosis::unknown_law::UnknownLaw;
-use crate::estimate::noise::source::NOISIER;
+use crate::estimate::noise::source::{NOISIER, Source};
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, SURE, probabilities};
@@ -27,6 +27,8 @@ pub enum Residual {
     Unjudged {
         /// True where there are no more equations than parameters: no noise that is known would judge them.
         nothing_left: bool,
+        /// True where that is how well closures are seated: repeats of a pose do not show it.
+        seatings: bool,
     },
     /// No more than noise, but the effects found may stand for another.
     Doubtful(Doubted),
@@ -50,6 +52,8 @@ pub enum Residual {
     Louder {
         /// How many times.
         factor: f64,
+        /// True where repeats show the noise of the readings, and what is declared is that of the closures.
+        repeats: bool,
     },
     /// More than noise.
     Structure(Structure),
@@ -95,7 +99,10 @@ pub fn residual(traced: &Traced, rises: &[f64]) -> Residual {
     }
     match p_value {
         Some(_) => Residual::Noise { nearest: nearest(traced) },
-        None => Residual::Unjudged { nothing_left: traced.after.dof < 1.0 },
+        None => Residual::Unjudged {
+            nothing_left: traced.after.dof < 1.0,
+            seatings: traced.last.noise.largest_seating().is_some(),
+        },
     }
 }
 
@@ -149,7 +156,8 @@ fn alike(traced: &Traced) -> Option<(f64, f64)> {
 /// What is left as so many times the declared noise, where no channel explains it as well, by `best`.
 fn louder(traced: &Traced, best: f64) -> Option<Residual> {
     let (gain, factor) = alike(traced).filter(|_| traced.found.is_empty())?;
-    (gain > best + AS_WELL).then_some(Residual::Louder { factor })
+    let repeats = traced.last.noise.source == Source::Repeats;
+    (gain > best + AS_WELL).then_some(Residual::Louder { factor, repeats })
 }
 
 /// True where more of the declared noise, by no more than it may be too small, explains what is left about as well as

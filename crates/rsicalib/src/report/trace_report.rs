@@ -124,6 +124,10 @@ pub struct StepReport {
     /// them apart, no pose does.
     #[cfg_attr(feature = "serde", serde(default))]
     pub needs_length: bool,
+    /// True where this term or one of these is of when readings were taken: the first poses once more at the end would tell
+    /// them apart.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub needs_repeats: bool,
     /// What the term did to the platform pose, the other parameters having absorbed what they can.
     #[cfg_attr(feature = "serde", serde(default))]
     pub platform_rms: Option<PlatformRms>,

@@ -31,7 +31,7 @@ use crate::report::trace_report::{
     FoundLaw, Left, Place, RivalReport, StepParameter, StepReport, TraceReport, Unexplained,
 };
 use crate::report::{warned, words};
-use crate::terms::term::Class;
+use crate::terms::term::{Class, Needs, Placed};
 
 /// Traces a session and reports.
 ///
@@ -470,6 +470,10 @@ fn step(
             .also
             .iter()
             .any(|other| differ_by_scale(&observations.mechanism, &found.instance, other)),
+        needs_repeats: !found.also.is_empty()
+            && std::iter::once(&found.instance).chain(&found.also).any(|i| {
+                i.term.needs().contains(&Needs::Order) || i.term.placed() == Placed::AtPose
+            }),
         platform_rms,
         held_out: None,
         curve_law: curve_law(&traced.small, &found.without, &traced.judge, &found.instance),

@@ -211,6 +211,19 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 loop_closes(*closes),
             )
         }
+        Suspicion::Zeros { channels, closes } => {
+            let names: Vec<&str> = channels.iter().map(|&c| name(c)).collect();
+            let (zeros, are) =
+                if names.len() > 1 { ("the zeros", "are") } else { ("the zero", "is") };
+            format!(
+                "or {zeros} of {} {are} far from where the mechanism has {}: with readings as they are and offsets \
+                 that far from what is declared {}, too; move one joint at a time, see whether each counts as drawn, and \
+                 declare its offset",
+                names.join(", "),
+                if names.len() > 1 { "them" } else { "it" },
+                loop_closes(*closes),
+            )
+        }
         Suspicion::Exchanged { channels, closes, late } => {
             let follow = channels.iter().flatten().all(|c| mechanism.leader_of(*c).is_some());
             format!(
@@ -606,6 +619,11 @@ pub fn fault(kind: &FaultKind) -> String {
     }
 }
 
+/// A probability as people write one; what no double tells from zero is less than the smallest that is written.
+fn probability(p: f64) -> String {
+    if p < 1e-99 { "p < 1e-99".into() } else { format!("p = {p:.1e}") }
+}
+
 /// Why readings were left out; rows of a session of `held` poses are named by their pose.
 #[must_use]
 pub fn cause(mechanism: &Mechanism, cause: &Cause, samples: usize, held: bool) -> String {
@@ -628,7 +646,8 @@ pub fn cause(mechanism: &Mechanism, cause: &Cause, samples: usize, held: bool) -
         }
         Cause::Reading(by) => blame(mechanism, by),
         Cause::Pose { p_value } => format!(
-            "no single channel explains it (p {p_value:.1e}): several readings are wrong, or {}",
+            "no single channel explains it ({}): several readings are wrong, or {}",
+            probability(*p_value),
             if samples > 1 { "it moved while sampled" } else { "something stood elsewhere" },
         ),
         Cause::Placement { times } => format!(
@@ -729,8 +748,9 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
             let text = match *p <= LEVEL {
                 true => format!(
                     "no more left than the noise that is declared, but a part of it is no chance: \
-                     nearest to it is {nearest} (p = {p:.1e}). Record poses again at other \
-                     times, which shows what of it is noise"
+                     nearest to it is {nearest} ({}). Record poses again at other \
+                     times, which shows what of it is noise",
+                    probability(*p)
                 ),
                 false => format!(
                     "nothing left above the noise; nearest to it is {nearest}, as chance \
@@ -739,12 +759,16 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
             };
             (None, text)
         }
-        Residual::Unjudged { nothing_left } => {
-            let text = match nothing_left {
-                true => "nothing is left to check the parameters with: record other poses",
-                false => {
+        Residual::Unjudged { nothing_left, seatings } => {
+            let text = match (nothing_left, seatings) {
+                (true, _) => "nothing is left to check the parameters with: record other poses",
+                (false, true) => {
+                    "lack of fit cannot be judged, since the fit alone says how well things touch: declare \
+                     the noise of those closures, or touch the same place anew in the same posture"
+                }
+                (false, false) => {
                     "lack of fit cannot be judged: record each pose several times, or declare \
-                          the noise"
+                     the noise"
                 }
             };
             (None, text.into())
@@ -782,11 +806,19 @@ pub fn residual(mechanism: &Mechanism, residual: &Residual) -> (Option<String>, 
             );
             (Some(name), text)
         }
-        Residual::Louder { factor } => {
+        Residual::Louder { factor, repeats } => {
+            let how = match repeats {
+                true => {
+                    "Touch the same place anew in the same posture, which shows how well things touch, or declare \
+                     the noise of closures as it is"
+                }
+                false => {
+                    "Record each pose several times, which shows the noise, or declare it as it is"
+                }
+            };
             let text = format!(
                 "more is left than the declared noise allows, and no effect of the catalogue and \
-                 no one channel explains it as well as {factor:.2} times that noise does. Record \
-                 each pose several times, which shows the noise, or declare it as it is"
+                 no one channel explains it as well as {factor:.2} times that noise does. {how}"
             );
             (None, text)
         }
