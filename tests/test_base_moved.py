@@ -1,4 +1,4 @@
-"""An arm whose stand was pushed between two of its cones' poses, and cones that were pushed instead."""
+"""An arm whose stand was pushed amid a session at three cones, or one cone that was."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def turned(by: Array) -> Array:
 
 
 def session(seed: int, shift: Array, turn: Array, of: str) -> dict[str, list[float] | list[str]]:
-    """Seatings in three cones by turns; from pose `MOVED` on some cones, as the arm sees them, are elsewhere."""
+    """Seatings in three cones by turns; from pose `MOVED` on the arm sees some of them elsewhere."""
     rng = np.random.default_rng([seed, 191])
     rows, at = [], []
     for pose in range(POSES):

@@ -259,7 +259,7 @@ def test_times_may_be_text(tmp_path: Path) -> None:
 
 
 def test_rows_that_touch_nothing_are_left_out_and_said(tmp_path: Path) -> None:
-    """An arm is still on its way between two cones, too: nothing closes there, and no verb takes such a row."""
+    """An arm is still on its way between cones, too, and no verb takes a row without a closure."""
     arm = rsicalib.load_mechanism(cone.mechanism(2e-5, 0.02))
     rng = np.random.default_rng(194)
     at = ["", *"a" * 8, "", "", *"b" * 8, *[""] * 8]

@@ -70,7 +70,12 @@ def frame(q: Array) -> Array:
     at = np.eye(4)
     for angle, (d, a, alpha) in zip(q, cone.ROWS, strict=True):
         c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(alpha), np.sin(alpha)
-        row = [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
+        row = [
+            [c, -s * ca, s * sa, a * c],
+            [s, c * ca, -c * sa, a * s],
+            [0, sa, ca, d],
+            [0, 0, 0, 1],
+        ]
         at = at @ np.array(row)
     return at
 
@@ -97,7 +102,9 @@ def holding(seed: int, poses: int, samples: int) -> tuple[Array, Array]:
     while len(rows) < poses:
         left = HOME[0] + rng.uniform(-0.6, 0.6, 6)
         start = HOME[1] + rng.uniform(-0.6, 0.6, 6)
-        end = least_squares(lambda q, left=left: lengths(left, q) - drawn, start, xtol=1e-14, ftol=1e-14)
+        end = least_squares(
+            lambda q, left=left: lengths(left, q) - drawn, start, xtol=1e-14, ftol=1e-14
+        )
         if end.cost < 1e-18 and np.all(np.abs(end.x) < 3.0):
             rows.append(np.concatenate([left, end.x]))
     angles = np.repeat(np.array(rows), samples, axis=0)
@@ -119,7 +126,8 @@ def two_arms(drawn: Array) -> rsicalib.Mechanism:
             "name": "two arms",
             "length_unit": "mm",
             "channel": [
-                {"name": n, "unit": "rad", "gain": 1.0, "offset": 0.0, "noise": NOISE} for n in names
+                {"name": n, "unit": "rad", "gain": 1.0, "offset": 0.0, "noise": NOISE}
+                for n in names
             ],
             "chain": [{"name": side, "dh": dh} for side, dh in rows.items()],
             "point": [
@@ -128,7 +136,12 @@ def two_arms(drawn: Array) -> rsicalib.Mechanism:
                 for k, at in enumerate(balls)
             ],
             "closure": [
-                {"name": f"{i}{j}", "kind": "distance", "between": [f"left{i}", f"right{j}"], "value": v}
+                {
+                    "name": f"{i}{j}",
+                    "kind": "distance",
+                    "between": [f"left{i}", f"right{j}"],
+                    "value": v,
+                }
                 for (i, j), v in zip(RODS, drawn.tolist(), strict=True)
             ],
             "model": {"terms": [f"offset@{n}" for n in names if n not in ("l6", "r6")]},
