@@ -1,4 +1,4 @@
-"""Encoders whose zeros are anywhere, and loops that are so far open that repeats say nothing of noise."""
+"""Encoders whose zeros are anywhere, and loops so far open that repeats tell no noise."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def at_a_cone(seed: int, zeros: Array, poses: int = 40) -> dict[str, list[float]
 def test_zeros_anywhere_are_found(seed: int) -> None:
     """One, two, three or four encoders were never set to zero.
 
-    An arm with a wrist of three offsets closes one cone with joint 1 reversed, too, where an encoder is half a
-    turn off: then both are said. Of 60 devices one is so.
+    Such an arm closes at one cone with joint 1 reversed, too, where encoders are half a turn off:
+    then both are said. Of 60 devices one is so.
     """
     rng = np.random.default_rng([seed, 182])
     zeros, count = np.zeros(6), 1 + seed % 4
@@ -151,7 +151,7 @@ def two_arms(drawn: Array) -> rsicalib.Mechanism:
 
 @pytest.mark.parametrize("wrong", ["none", "l2", "r4"][: sized(3, 3)])
 def test_loops_far_open_say_nothing_of_noise(wrong: str) -> None:
-    """With a reversed sign repeats scattered by 1e6 times the noise that they have, and nothing was named."""
+    """With a reversed sign repeats seemed to scatter by 1e6 times their noise: nothing was named."""
     read, drawn = holding(1, 30, 4)
     arms = two_arms(drawn)
     names = [channel.name for channel in arms.channels]
