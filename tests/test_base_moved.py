@@ -28,7 +28,7 @@ def turned(by: Array) -> Array:
 
 
 def session(seed: int, shift: Array, turn: Array, of: str) -> dict[str, list[float] | list[str]]:
-    """Seatings in three cones by turns; from pose `MOVED` on the arm sees some of them elsewhere."""
+    """Seatings in three cones by turns; from pose `MOVED` on the arm sees some elsewhere."""
     rng = np.random.default_rng([seed, 191])
     rows, at = [], []
     for pose in range(POSES):

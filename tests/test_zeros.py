@@ -151,7 +151,7 @@ def two_arms(drawn: Array) -> rsicalib.Mechanism:
 
 @pytest.mark.parametrize("wrong", ["none", "l2", "r4"][: sized(3, 3)])
 def test_loops_far_open_say_nothing_of_noise(wrong: str) -> None:
-    """With a reversed sign repeats seemed to scatter by 1e6 times their noise: nothing was named."""
+    """With a reversed sign repeats seemed to scatter by 1e6 times their noise."""
     read, drawn = holding(1, 30, 4)
     arms = two_arms(drawn)
     names = [channel.name for channel in arms.channels]
