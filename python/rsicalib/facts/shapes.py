@@ -89,6 +89,9 @@ class Excluded(Record):
     """Why, for programs."""
     session: int | None = field(default=None, metadata=IF_KNOWN)
     """Session of the pose, counted from 1, where there are several."""
+    touches: str | None = field(default=None, metadata=IF_KNOWN)
+    """What a sample touches, by the values of its columns, where that is by far not what its row
+    names."""
 
 
 class HeldOut(Record):
@@ -601,8 +604,8 @@ class Step(Effect, Record, repr=False):
     also_fits: tuple[Name, ...] = ()
     """Terms that these poses cannot tell from this one."""
     needs_length: bool = False
-    """True where one of these differs from this term by the size of the whole: a length that is
-    known would tell them apart, no pose does."""
+    """True where this term changes the size of the whole, or one of these differs from it by that:
+    a length that is known would tell, no pose does."""
     needs_repeats: bool = False
     """True where this term or one of these is of when readings were taken: the first poses once
     more at the end would tell them apart."""

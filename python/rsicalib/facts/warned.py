@@ -22,6 +22,7 @@ WarnedKind: TypeAlias = Literal[
     "degrees",
     "units",
     "left_handed",
+    "shifted",
     "coarse",
     "noise",
     "unphysical_sign",
@@ -71,6 +72,7 @@ MISTAKES: dict[WarnedKind, str] = {
     "left_handed": "is left-handed",
     "degrees": "looks like the other unit of angles",
     "units": "looks like another unit",
+    "shifted": "looks shifted by a pose",
 }
 """What somebody wrote or wired otherwise than it is declared, as it is said of what it is about."""
 

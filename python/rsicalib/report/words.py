@@ -766,6 +766,12 @@ def _next_measurement(result: TraceShape) -> list[str]:
     out = []
     for step in result.steps:
         if not step.also_fits:
+            if step.needs_length:
+                how_large = f"{name_of(step.term)} of {target_words('', step.target)} leaves open"
+                out.append(
+                    f"{capital(how_large)} how large the whole is, and no pose tells it: "
+                    f"{MEASURED_LENGTH}."
+                )
             continue
         others = [
             subject(n) if n.target != step.target else name_of(n.term) for n in step.also_fits

@@ -92,10 +92,14 @@ pub fn spread(
     let mut found: Vec<(&String, f64, f64)> = Vec::new();
     for touch in &touches {
         let cells = touch.columns.iter().map(column).collect::<Result<Vec<_>, _>>()?;
-        let distances = from_means(&places[touch.carried], |row, other| {
-            cells.iter().all(|cells| cells[row] == cells[other])
+        // Where a key is blank nothing is touched.
+        let touching = |row: &usize| cells.iter().all(|cells| !cells[*row].is_empty());
+        let rows: Vec<usize> = (0..groups.len()).filter(touching).collect();
+        let own: Vec<[f64; 3]> = rows.iter().map(|&row| places[touch.carried][row]).collect();
+        let distances = from_means(&own, |one, other| {
+            cells.iter().all(|cells| cells[rows[one]] == cells[rows[other]])
         });
-        for (name, distance) in groups.iter().zip(distances) {
+        for (name, distance) in rows.iter().map(|&row| &groups[row]).zip(distances) {
             match found.iter_mut().find(|(known, ..)| *known == name) {
                 Some((_, sum, count)) => (*sum, *count) = (*sum + distance, *count + 1.0),
                 None => found.push((name, distance, 1.0)),

@@ -78,7 +78,11 @@ pub fn numbered_groups(
     model: &Model,
 ) -> Option<(Grouping, Vec<usize>, Vec<String>)> {
     let Observations { readings, weights, .. } = observations;
-    let key = |row: usize| readings.table.keys.first().and_then(|keys| keys.get(row)).cloned();
+    // A row names what it touches by the first key that is not blank.
+    let key = |row: usize| {
+        let mut own = readings.table.keys.iter().filter_map(|keys| keys.get(row));
+        own.find(|name| !name.is_empty()).cloned()
+    };
     let by_key = || {
         let mut seen = Vec::new();
         (0..readings.samples).map(|row| place_in(&mut seen, key(row))).collect()

@@ -38,6 +38,7 @@ mod residuals;
 pub mod search;
 mod seen;
 pub(crate) mod settle;
+mod shifted;
 pub mod significance;
 mod sized;
 mod softer;

@@ -67,6 +67,7 @@ pub fn search(observations: &Observations, model: &Model, noise: &Noise) -> Star
     let suspected = || suspected(&search, best.as_ref());
     if let Some(found) = (!observations.judged).then(suspected).flatten() {
         warnings.push(found.suspicion);
+        warnings.extend(found.instead);
         best = found.end.or(best);
     }
     if best.is_none() && warnings.is_empty() {
@@ -87,7 +88,7 @@ fn suspected(search: &StartSearch<'_>, best: Option<&End>) -> Option<Suspected> 
         && enough(search, search.knowledge())
         && let Some(suspicion) = miswired::by_knowledge(search, best)
     {
-        return Some(Suspected { suspicion, end: None });
+        return Some(Suspected { suspicion, end: None, instead: Vec::new() });
     }
     let score = best.map_or(f64::INFINITY, |end| end.score);
     let doubtful = score >= options.good_start && enough(search, 0);
@@ -96,7 +97,7 @@ fn suspected(search: &StartSearch<'_>, best: Option<&End>) -> Option<Suspected> 
     }
     let beside_a_delay = || {
         let suspicion = miswired::by_motion(search, score)?;
-        Some(Suspected { suspicion, end: None })
+        Some(Suspected { suspicion, end: None, instead: Vec::new() })
     };
     miswired::by_start(search, score).or_else(beside_a_delay)
 }

@@ -5,6 +5,7 @@ use crate::estimate::fitted::Fit;
 use crate::estimate::miswired::{self, Again};
 use crate::estimate::noise::source::DOUBT;
 use crate::estimate::observations::Observations;
+use crate::estimate::shifted::shifted;
 use crate::estimate::suspicion::Suspicion;
 use crate::estimate::{degrees, doubts, lengths, seen};
 use crate::model::Instance;
@@ -73,6 +74,9 @@ fn of_wiring(
         said.extend(miswired::miswired(observations, &fit.model, &noise, left, refit_by));
         if !said.iter().any(Suspicion::of_wiring) {
             said.extend(seen::miswritten(observations, &noise, left, refit));
+        }
+        if !said.iter().any(Suspicion::of_wiring) {
+            said.extend(shifted(observations, &noise, left, refit));
         }
         if !said.iter().any(Suspicion::of_wiring) {
             said.extend(lengths::in_other_unit(observations, &noise, left, refit));

@@ -145,6 +145,15 @@ pub enum Suspicion {
         /// How well it closes.
         closes: Closes,
     },
+    /// Columns beside the channels belong to the pose before, or to the next.
+    Shifted {
+        /// Their names.
+        columns: Vec<String>,
+        /// True where the loop closes with those of the next pose.
+        later: bool,
+        /// How well it closes.
+        closes: Closes,
+    },
     /// A channel reads in steps that are a good part of its noise.
     Coarse {
         /// The channel.
@@ -222,6 +231,7 @@ impl Suspicion {
             | Self::EitherReversed { closes, .. }
             | Self::Exchanged { closes, .. }
             | Self::LeftHanded { closes, .. }
+            | Self::Shifted { closes, .. }
             | Self::SeenInUnit { closes, .. } => Some(*closes),
             _ => None,
         }
@@ -274,6 +284,7 @@ impl Suspicion {
                 | Self::Gap { .. }
                 | Self::Stuck { .. }
                 | Self::LeftHanded { .. }
+                | Self::Shifted { .. }
                 | Self::SeenInUnit { .. }
                 | Self::NoStart { .. }
                 | Self::Lost { .. }

@@ -147,7 +147,7 @@ pub fn of(
             .chain(warned::clocks(used, fit, beside.and_then(|beside| beside.known.as_ref())))
             .chain(open_loops.map(|open| warned::open_loops(&used.mechanism, &open)))
             .collect(),
-        excluded: out.iter().map(|e| excluded(used, e)).collect(),
+        excluded: out.iter().map(|e| excluded(used, fit, e)).collect(),
         with_excluded,
         fit: quality,
         nominal,

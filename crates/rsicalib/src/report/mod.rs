@@ -29,6 +29,7 @@ pub mod result;
 #[cfg(feature = "document")]
 #[doc(hidden)]
 pub mod schema;
+mod touched_instead;
 #[doc(hidden)]
 pub mod trace_report;
 #[doc(hidden)]

@@ -17,6 +17,7 @@ use crate::numerics::lm::Termination;
 use crate::readings::Readings;
 use crate::report::between::{self, BetweenReport};
 use crate::report::named::Named;
+use crate::report::touched_instead::touched_instead;
 use crate::report::warned::{self, Warned};
 use crate::report::words;
 use crate::screening::excluded::{Cause, Excluded};
@@ -418,6 +419,9 @@ pub struct ExcludedReport {
     /// Session of the pose, counted from 1, where there are several.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub session: Option<u64>,
+    /// What a sample touches, by the values of its columns, where that is by far not what its row names.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub touches: Option<String>,
 }
 
 /// Why readings are left out.
@@ -483,7 +487,7 @@ pub struct WithExcluded {
 
 /// A reading that was left out, as users call it.
 #[must_use]
-pub fn excluded(observations: &Observations, excluded: &Excluded) -> ExcludedReport {
+pub fn excluded(observations: &Observations, fit: &Fit, excluded: &Excluded) -> ExcludedReport {
     let Observations { readings, mechanism, .. } = observations;
     let rows = readings.rows_of_poses();
     let first = excluded.pose.map(|p| rows[p][0]).or(excluded.placement);
@@ -492,13 +496,18 @@ pub fn excluded(observations: &Observations, excluded: &Excluded) -> ExcludedRep
     let sample = |pose: usize| {
         excluded.row.and_then(|row| rows[pose].iter().position(|r| *r == row)).map(|s| s as i64 + 1)
     };
+    let row = excluded.row.or(excluded.pose.map(|p| rows[p][0]));
+    let touches = row.and_then(|row| touched_instead(observations, fit, row));
+    let cause = words::cause(mechanism, &excluded.cause, excluded.samples, readings.held);
+    let label = touches.as_ref().map(|touched| words::touches(touched));
     ExcludedReport {
         pose: excluded.pose.map(|p| readings.labels[p]),
         sample: excluded.pose.and_then(sample),
         // A whole placement is named by its first key, a sample by all of them.
-        group: keys
-            .filter(|k| !k.is_empty())
-            .map(|k| if excluded.pose.is_some() { k.join(", ") } else { k[0].into() }),
+        group: keys.filter(|k| !k.is_empty()).map(|k| match excluded.pose {
+            Some(_) => k.into_iter().filter(|k| !k.is_empty()).collect::<Vec<_>>().join(", "),
+            None => k[0].into(),
+        }),
         chain: excluded.chain.map(|c| mechanism.chains[c].name.clone()),
         channel: excluded.channel.map(|c| mechanism.channels[c].name.clone()),
         samples: Some(excluded.samples as u64),
@@ -507,7 +516,8 @@ pub fn excluded(observations: &Observations, excluded: &Excluded) -> ExcludedRep
             .filter(|_| readings.sessions > 1)
             .map(|p| readings.session_of_pose[p] as u64 + 1),
         kind: ExcludedKind::of(&excluded.cause),
-        reason: words::cause(mechanism, &excluded.cause, excluded.samples, readings.held),
+        reason: cause + &label.unwrap_or_default(),
+        touches,
     }
 }
 

@@ -120,8 +120,8 @@ pub struct StepReport {
     /// Terms that these poses cannot tell from this one.
     #[cfg_attr(feature = "serde", serde(default))]
     pub also_fits: Vec<Place>,
-    /// True where one of these differs from this term by the size of the whole: a length that is known would tell
-    /// them apart, no pose does.
+    /// True where this term changes the size of the whole, or one of these differs from it by that: a length that is
+    /// known would tell, no pose does.
     #[cfg_attr(feature = "serde", serde(default))]
     pub needs_length: bool,
     /// True where this term or one of these is of when readings were taken: the first poses once more at the end would tell

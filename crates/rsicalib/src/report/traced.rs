@@ -11,7 +11,7 @@ use crate::diagnosis::held_out::{HeldOut, held_out, held_out_rows};
 use crate::diagnosis::localisation::{Residual, residual};
 use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::plausibility::{Absurdity, absurdities};
-use crate::diagnosis::score::candidates::differ_by_scale;
+use crate::diagnosis::score::candidates::{changes_scale, differ_by_scale};
 use crate::diagnosis::score::scored;
 use crate::diagnosis::search::rivals::{self, UNKNOWN_NOISE};
 use crate::diagnosis::trace::{Explanation, Found, Traced, trace};
@@ -96,7 +96,11 @@ pub fn traced(
             .chain(warned::clocks(&traced.observations, &trial.applied, of_known))
             .chain(open_loops.map(|open| warned::open_loops(&observations.mechanism, &open)))
             .collect(),
-        excluded: traced.excluded.iter().map(|e| excluded(&traced.observations, e)).collect(),
+        excluded: traced
+            .excluded
+            .iter()
+            .map(|e| excluded(&traced.observations, &traced.after, e))
+            .collect(),
         with_excluded,
         before,
         steps,
@@ -453,6 +457,9 @@ fn step(
     let named = Place::of(&traced.small, &found.instance);
     let with = rivals.iter().filter(|rival| rival.terms.contains(&named));
     let probability = with.map(|rival| rival.probability).sum();
+    let also = found.also.iter().map(|i| Place::of(&traced.small, i));
+    let also_fits: Vec<Place> = also.chain(unknown).collect();
+    let ties = !also_fits.is_empty();
     StepReport {
         term,
         class,
@@ -465,12 +472,13 @@ fn step(
         p_value: found.p_value,
         chi2_rise: Some(found.rise),
         parameters: parameters.collect(),
-        also_fits: found.also.iter().map(|i| Place::of(&traced.small, i)).chain(unknown).collect(),
-        needs_length: found
-            .also
-            .iter()
-            .any(|other| differ_by_scale(&observations.mechanism, &found.instance, other)),
-        needs_repeats: !found.also.is_empty()
+        also_fits,
+        needs_length: changes_scale(&observations.mechanism, &found.instance)
+            || found
+                .also
+                .iter()
+                .any(|other| differ_by_scale(&observations.mechanism, &found.instance, other)),
+        needs_repeats: ties
             && std::iter::once(&found.instance).chain(&found.also).any(|i| {
                 i.term.needs().contains(&Needs::Order) || i.term.placed() == Placed::AtPose
             }),

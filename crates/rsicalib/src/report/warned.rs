@@ -105,6 +105,8 @@ pub enum Kind {
     Units,
     /// Points that an instrument sees fit with the other hand.
     LeftHanded,
+    /// Columns beside the channels belong to the pose before, or to the next.
+    Shifted,
     /// A channel reads in steps that are a good part of its noise.
     Coarse,
     /// Declared noise is not what the readings show.
@@ -324,6 +326,7 @@ fn of_suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> Warned {
         Suspicion::SeenInUnit { point, .. } => {
             (Kind::Units, Some(mechanism.points[*point].name.clone()))
         }
+        Suspicion::Shifted { columns, .. } => (Kind::Shifted, Some(columns.join("+"))),
         Suspicion::Coarse { channel, .. } => (Kind::Coarse, channels(&[*channel])),
         Suspicion::Noise { .. } => (Kind::Noise, None),
         Suspicion::Play { closures, .. } => {

@@ -378,6 +378,13 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 loop_closes(*closes)
             )
         }
+        Suspicion::Shifted { columns, later, closes } => format!(
+            "{} look like those of the pose {} each: shifted by one pose {}; see which rows belong together, and where \
+             one was lost or came late",
+            columns.join(", "),
+            if *later { "before" } else { "after" },
+            loop_closes(*closes),
+        ),
         Suspicion::Coarse { channel, step, share } => format!(
             "{} reads in steps of {} {}: rounding, step/√12, is {:.0} % of the variance of its noise",
             name(*channel),
@@ -617,6 +624,12 @@ pub fn fault(kind: &FaultKind) -> String {
             format!("{} poses read exactly {at}, and none beyond: clipped", poses.len())
         }
     }
+}
+
+/// A sample that touches something else than what its row names.
+#[must_use]
+pub fn touches(named: &str) -> String {
+    format!("; it touches {named}, by its joints: see whether its label is right")
 }
 
 /// A probability as people write one; what no double tells from zero is less than the smallest that is written.

@@ -223,6 +223,15 @@ pub(crate) fn differ_by_scale(mechanism: &Mechanism, one: &Instance, other: &Ins
         && of_all_lengths(mechanism, [one.target, other.target].into_iter())
 }
 
+/// True where an effect bends how all lengths read: where its slope is one is how large the whole is, which no pose tells.
+#[must_use]
+pub(crate) fn changes_scale(mechanism: &Mechanism, one: &Instance) -> bool {
+    one.term.over() == Some(Over::Reading)
+        && one.term.role() == Role::Other
+        && !mechanism.has_scale()
+        && of_all_lengths(mechanism, std::iter::once(one.target))
+}
+
 /// True where any shape over what this term runs over is fitted to its target.
 #[must_use]
 pub fn has_free_shape(fit: &Fit, term: &dyn Term, target: Target) -> bool {

@@ -139,6 +139,8 @@ struct Scan {
     likeliest: Likeliest,
     /// By how much χ² falls with it.
     fall: f64,
+    /// The same with one of its two variables alone, where a law of that is one that a term has.
+    alone: Vec<(usize, f64)>,
 }
 
 /// A fit beside which laws are weighed.
@@ -240,7 +242,12 @@ impl Averaged<'_> {
             Ok::<_, Error>(formula_of(&beside, &rows, scan, &variables, (constant, &self.data)))
         };
         let written = if behind <= AS_WELL { formula()? } else { None };
-        let on = depends_on(scan, &variables);
+        let mut on = depends_on(scan, &variables);
+        // What is over time has a term, and was found: a path that is travelled steadily is that, too.
+        if gone.iter().any(|s| is_over(&s.instance, Quantity::Time)) {
+            let paths = on.iter_mut().filter(|on| matches!(on.quantity, Quantity::Travelled(_)));
+            paths.for_each(|on| on.also.insert(0, Quantity::Time));
+        }
         let as_well = scan.price + AS_WELL - behind.max(0.0);
         let also_of = scans[1..].iter().take_while(|other| other.price < as_well);
         let mut errors = vec![0.0; weights.len()];
@@ -369,7 +376,13 @@ fn scans(
         let of: Vec<&Variable> = set.iter().map(|&v| &variables[v]).collect();
         let likeliest = errors[0].likeliest(&of, best)?;
         let fall = best.fall;
-        Some(Scan { whose, sets, price, likeliest, fall })
+        let lone = |v: &usize| sets.iter().all(|(set, _)| set[..] != [*v]);
+        let alone = set.iter().copied().filter(lone).map(|v| {
+            let evidence = errors[0].evidence(&[&variables[v]], data, beside[0].chi2);
+            (v, evidence.fall)
+        });
+        let alone = alone.collect();
+        Some(Scan { whose, sets, price, likeliest, fall, alone })
     };
     let of_channels = workers::map(0..observations.readings.channels, |channel| {
         let gains = gain_of(observations, variables, channel);
@@ -535,10 +548,11 @@ impl On {
 fn depends_on(scan: &Scan, variables: &[Variable]) -> Vec<On> {
     let likeliest = scan.sets.iter().min_by(|a, b| a.1.price.total_cmp(&b.1.price));
     let Some((set, best)) = likeliest else { return Vec::new() };
-    // What the law explains without a variable; where a term has that, it was offered to the search.
+    // What the law explains without a variable; a law of what is left may be one that a term has.
     let without = |v: usize| {
         let rest: Vec<usize> = set.iter().copied().filter(|&w| w != v).collect();
-        scan.sets.iter().find(|(s, _)| *s == rest).map_or(0.0, |(_, e)| e.fall)
+        let alone = || scan.alone.iter().find(|(w, _)| rest[..] == [*w]).map_or(0.0, |it| it.1);
+        scan.sets.iter().find(|(s, _)| *s == rest).map_or_else(alone, |(_, e)| e.fall)
     };
     let lost: Vec<f64> = set.iter().map(|&v| (best.fall - without(v)).max(0.0)).collect();
     let all = lost.iter().sum::<f64>().max(f64::MIN_POSITIVE);

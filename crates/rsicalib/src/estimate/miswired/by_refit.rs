@@ -39,8 +39,8 @@ pub(crate) fn miswired(
     noise: &Noise,
     left: f64,
     refit: impl Fn(&Observations, Vec<Instance>) -> Result<Again, Error>,
-) -> Option<Suspicion> {
-    let limit = closing(observations, left)?;
+) -> Vec<Suspicion> {
+    let Some(limit) = closing(observations, left) else { return Vec::new() };
     let tried = |of: &Observations, terms: &[Instance], mistakes: Vec<Mistake>| {
         let again = |mistake: Mistake| {
             let Rewired { readings, observations: of } = mistake.undone(of, &of.readings)?;
@@ -58,9 +58,9 @@ pub(crate) fn miswired(
         mistakes = rough.into_iter().take(and_the_next).map(|(_, mistake)| mistake).collect();
     }
     let found = likeliest(tried(observations, &model.instances, mistakes));
-    let with = found.first()?.0;
+    let with = found.first().map_or(f64::INFINITY, |it| it.0);
     if found.iter().any(|(left, _)| *left >= limit) {
-        return None;
+        return Vec::new();
     }
     let mistakes: Vec<Mistake> = found.into_iter().map(|(_, mistake)| mistake).collect();
     Mistake::either(&mistakes, Closes { with, declared: left })

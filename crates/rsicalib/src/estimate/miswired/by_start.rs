@@ -22,6 +22,8 @@ pub struct Suspected {
     pub suspicion: Suspicion,
     /// The fit.
     pub end: Option<End>,
+    /// What may have been done instead, and closes the loop as well.
+    pub instead: Vec<Suspicion>,
 }
 
 /// Part of the range without a single reading that makes a jump.
@@ -41,23 +43,29 @@ pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspected> {
     let mut consider = |end: End, keep: bool, suspicion: &dyn Fn(Closes) -> Suspicion| {
         if end.score < found.as_ref().map_or(limit, |f| f.0) {
             let suspicion = suspicion(Closes { with: end.score, declared: best });
-            found = Some((end.score, Suspected { suspicion, end: keep.then_some(end) }));
+            let (score, end) = (end.score, keep.then_some(end));
+            found = Some((score, Suspected { suspicion, end, instead: Vec::new() }));
         }
     };
     let channels = search.model.scales.len();
     if let Some(Turned { end, mistakes, channels }) = Turned::of(search, limit) {
         consider(end, true, &|closes| {
-            let either = Mistake::either(&mistakes, closes);
+            let either = Mistake::either(&mistakes, closes).pop();
             either.unwrap_or_else(|| Suspicion::Reversed { channels: channels.clone(), closes })
         });
     }
     let of = search.observations;
     let units = Mistake::units(of).chain(Mistake::offsets(of));
-    for mistake in Mistake::exchanges(of).chain(units) {
+    // What no gain can reverse is reversed in the readings.
+    let gained = |it: &Mistake| matches!(it, Mistake::Reversed(c) if search.model.column(Role::Gain, *c).is_some());
+    let reversals = Mistake::reversals(of).filter(|it| !gained(it));
+    let mut wires: Vec<(f64, Mistake)> = Vec::new();
+    for mistake in Mistake::exchanges(of).chain(reversals).chain(units) {
         let Some(other) = mistake.undone(of, &search.readings) else { continue };
         let Some(end) = rewired(search, &other) else { continue };
         if is_evidence(search, &mistake, &other, &end) {
             let keep = matches!(mistake, Mistake::Offsets { .. });
+            wires.push((end.score, mistake.clone()));
             consider(end, keep, &|closes| mistake.suspicion(closes));
         }
     }
@@ -67,7 +75,17 @@ pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspected> {
         let (shown, rows, of) = (gap.shown, gap.rows.len(), search.readings.samples);
         consider(end, false, &|closes| Suspicion::Gap { channel, shown, rows, of, closes });
     }
-    found.map(|f| f.1)
+    let (least, mut found) = found?;
+    // What closes as well as the best, of wires.
+    wires.retain(|(score, _)| *score <= (1.0 + LITTLE) * least);
+    let is_best = wires.iter().any(|(score, _)| *score <= least);
+    let alike: Vec<Mistake> = wires.into_iter().map(|(_, mistake)| mistake).collect();
+    let mut said = Mistake::either(&alike, Closes { with: least, declared: best });
+    if is_best {
+        found.suspicion = said.remove(0);
+    }
+    found.instead = said;
+    Some(found)
 }
 
 /// The best of a few ends.

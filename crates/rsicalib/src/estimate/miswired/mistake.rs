@@ -94,22 +94,27 @@ impl Mistake {
         others.into_iter().chain([2.0, 0.5].into_iter().filter_map(scaled))
     }
 
-    /// What is said where one of some was made, each of which closes the loop as well: of one what is said of it, of
-    /// reversals, and of exchanges, that it is one of them, and nothing of others.
-    pub(super) fn either(of: &[Self], closes: Closes) -> Option<Suspicion> {
-        if let [one] = of {
-            return Some(one.suspicion(closes));
-        }
+    /// What is said where one of some was made, each of which closes the loop as well: of exchanges, and of reversals,
+    /// that it is one of them. In a machine that is its own image in a mirror, to exchange two sensors is to
+    /// reverse the third.
+    pub(super) fn either(of: &[Self], closes: Closes) -> Vec<Suspicion> {
         let exchanged = |it: &Self| if let Self::Exchanged(pair) = it { Some(*pair) } else { None };
-        if let Some(channels) = of.iter().map(exchanged).collect::<Option<Vec<_>>>()
-            && !channels.is_empty()
-        {
-            return Some(Suspicion::Exchanged { channels, closes, late: false });
-        }
         let reversed = |it: &Self| if let Self::Reversed(c) = it { Some(*c) } else { None };
-        let mut channels = of.iter().map(reversed).collect::<Option<Vec<usize>>>()?;
+        let pairs: Vec<_> = of.iter().filter_map(exchanged).collect();
+        let mut channels: Vec<usize> = of.iter().filter_map(reversed).collect();
         channels.sort_unstable();
-        (!channels.is_empty()).then_some(Suspicion::EitherReversed { channels, closes })
+        let mut said = Vec::new();
+        if !pairs.is_empty() {
+            said.push(Suspicion::Exchanged { channels: pairs, closes, late: false });
+        }
+        match channels[..] {
+            [] => {}
+            [one] => said.push(Self::Reversed(one).suspicion(closes)),
+            _ => said.push(Suspicion::EitherReversed { channels, closes }),
+        }
+        let others = of.iter().filter(|it| exchanged(it).is_none() && reversed(it).is_none());
+        said.extend(others.map(|it| it.suspicion(closes)));
+        said
     }
 
     /// What is said of it.
@@ -152,10 +157,11 @@ mod tests {
         let said = |of: &[Mistake]| Mistake::either(of, closes);
         let exchanged =
             Suspicion::Exchanged { channels: vec![[0, 1], [2, 3]], closes, late: false };
-        assert_eq!(said(&[Exchanged([0, 1]), Exchanged([2, 3])]), Some(exchanged));
+        assert_eq!(said(&[Exchanged([0, 1]), Exchanged([2, 3])]), std::slice::from_ref(&exchanged));
         let reversed = Suspicion::EitherReversed { channels: vec![1, 4], closes };
-        assert_eq!(said(&[Reversed(4), Reversed(1)]), Some(reversed));
-        assert_eq!(said(&[Reversed(4), Exchanged([0, 1])]), None);
-        assert_eq!(said(&[]), None);
+        assert_eq!(said(&[Reversed(4), Reversed(1)]), [reversed]);
+        let one = Suspicion::Reversed { channels: vec![4], closes };
+        assert_eq!(said(&[Reversed(4), Exchanged([0, 1]), Exchanged([2, 3])]), [exchanged, one]);
+        assert_eq!(said(&[]), []);
     }
 }
