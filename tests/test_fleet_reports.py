@@ -11,6 +11,7 @@ import pytest
 
 import rsicalib
 from rsicalib.fleets.devices import one_device
+from rsicalib.fleets.standing_out import remarks, spreads
 
 pytest.importorskip("pyarrow")
 
@@ -85,3 +86,24 @@ def test_the_rows_of_a_device_are_taken_wherever_they_stand() -> None:
     _, rest = one_device({k: v[:3] for k, v in frame.items()}, apart, "device", "b")
     assert rest is not None and rest["x"].tolist() == [7.0]
     assert one_device({k: v[:3] for k, v in frame.items()}, apart, "device", "a")[1] is None
+
+
+def test_what_no_device_tells_makes_none_stand_out() -> None:
+    """An offset that stays as drawn is zero but for rounding."""
+    rng = np.random.default_rng(221)
+    rows = {
+        "device": [*range(20)],
+        "verdict": ["adequate"] * 20,
+        "message": [""] * 20,
+        "chi2": [100.0] * 20,
+        "dof": [100.0] * 20,
+        "offset@q1": [*(1e-17 * rng.standard_normal(19)), 1e-15],
+        "offset@q1_sd": [None] * 20,
+        "offset@q2": [*(1e-3 * rng.standard_normal(19)), 0.1],
+        "offset@q2_sd": [1e-3] * 20,
+    }
+    spread = spreads(rows)
+    assert [one.name for one in spread] == ["offset@q2"]
+    assert [(one.device, one.parameter) for one in remarks(rows, "device", spread)] == [
+        (19, "offset@q2")
+    ]

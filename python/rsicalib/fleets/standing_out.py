@@ -74,7 +74,10 @@ def spreads(rows: Mapping[str, Sequence[Any]]) -> list[Spread]:
     """Spread of each parameter over the devices whose calibration is usable."""
     verdicts, out = _verdicts(rows), []
     for name in [n for n in rows if f"{n}_sd" in rows]:
-        found = _core.usual(_devices(rows, name), verdicts)
+        devices = _devices(rows, name)
+        # What no reading tells stays as drawn in all, but for rounding.
+        told = bool(np.isfinite(devices[:, 1]).any())
+        found = _core.usual(devices, verdicts) if told else None
         if found is not None:
             out.append(Spread(name, *found[0], found[1]))
     return out
