@@ -56,9 +56,14 @@ pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspected> {
     }
     let of = search.observations;
     let units = Mistake::units(of).chain(Mistake::offsets(of));
-    // What no gain can reverse is reversed in the readings.
-    let gained = |it: &Mistake| matches!(it, Mistake::Reversed(c) if search.model.column(Role::Gain, *c).is_some());
-    let reversals = Mistake::reversals(of).filter(|it| !gained(it));
+    // What no gain can reverse is reversed in the readings; of a leader and its follower it is the follower.
+    let apart = |it: &Mistake| match it {
+        Mistake::Reversed(c) => {
+            search.model.column(Role::Gain, *c).is_none() && !of.mechanism.leads(*c)
+        }
+        _ => true,
+    };
+    let reversals = Mistake::reversals(of).filter(apart);
     let mut wires: Vec<(f64, Mistake)> = Vec::new();
     for mistake in Mistake::exchanges(of).chain(reversals).chain(units) {
         let Some(other) = mistake.undone(of, &search.readings) else { continue };
@@ -200,8 +205,9 @@ fn is_evidence(search: &StartSearch<'_>, mistake: &Mistake, other: &Rewired, end
             stays(search.model, channels, [&from, &end.beta])
         }
         // What closes with a gain that has turned says that one is reversed.
-        Mistake::Exchanged(_) => ratios(search.model, &end.beta).all(|ratio| ratio > 0.0),
-        Mistake::Reversed(_) => true,
+        Mistake::Exchanged(_) | Mistake::Reversed(_) => {
+            ratios(search.model, &end.beta).all(|ratio| ratio > 0.0)
+        }
     }
 }
 
