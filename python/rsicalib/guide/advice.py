@@ -194,6 +194,15 @@ class Adviser:
         except RsicalibError:
             return None
 
+    def at_the_end(self, taken: Taken) -> Trace | None:
+        """The result of poses that are fewer than advice waits for, once no more come."""
+        if self.mistake is not None or not taken.fitted:
+            return None
+        try:
+            return trace(self.readings(taken), self.mechanism, rest=self.rest)
+        except RsicalibError:
+            return None
+
     def _traced(self, readings: Readings | None, taken: Taken) -> Trace | None:
         touched = {samples[0].keys for samples in taken.fitted.values()} - {()}
         enough = _core.traceable(self.mechanism, len(taken.fitted), len(touched))

@@ -189,7 +189,8 @@ class Session:
             self.poll()
         self._worker.shutdown(wait=True)
         self.log.close()
-        return None if self.advice is None else self.advice.result
+        told = None if self.advice is None else self.advice.result
+        return told or self.adviser.at_the_end(self.log.taken())
 
     @property
     def next_label(self) -> int:
