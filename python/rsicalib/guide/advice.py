@@ -198,20 +198,18 @@ class Adviser:
         """The result of poses that are fewer than advice waits for, once no more come."""
         if self.mistake is not None or not taken.fitted:
             return None
+        return self._trace(self.readings(taken))
+
+    def _trace(self, readings: Readings) -> Trace | None:
         try:
-            return trace(self.readings(taken), self.mechanism, rest=self.rest)
+            return trace(readings, self.mechanism, rest=self.rest)
         except RsicalibError:
             return None
 
     def _traced(self, readings: Readings | None, taken: Taken) -> Trace | None:
         touched = {samples[0].keys for samples in taken.fitted.values()} - {()}
         enough = _core.traceable(self.mechanism, len(taken.fitted), len(touched))
-        if readings is None or not enough:
-            return None
-        try:
-            return trace(readings, self.mechanism, rest=self.rest)
-        except RsicalibError:
-            return None
+        return None if readings is None or not enough else self._trace(readings)
 
     def readings(self, taken: Taken, *, checked: bool = False) -> Readings:
         """The poses to fit, of the session as it was taken; with those that are `checked`, too."""

@@ -22,7 +22,7 @@ from rsicalib.imports.beside import cells_beside, columns_beside, units_said
 from rsicalib.imports.log import Column, Log
 from rsicalib.imports.series import in_columns
 from rsicalib.imports.stretches import Recording, session_of
-from rsicalib.io.cells import POSE
+from rsicalib.io.cells import POSE, closing_rows
 from rsicalib.io.tables import PARQUET, Lines, Table, is_blank, numbers, quoted, read_table, text
 from rsicalib.io.times import TIME, seconds, time_column
 from rsicalib.plain_text import counted
@@ -140,11 +140,11 @@ def _touching(cells: Mapping[str, Column], asked: Asked) -> np.ndarray | None:
         name: np.isfinite(column) if isinstance(column, np.ndarray) else np.array(column) != ""
         for name, column in cells.items()
     }
-    own = [[name for name in columns if name not in asked.labels] for columns in asked.needs.own]
-    if not own or not all(own) or not {name for columns in own for name in columns} <= {*told}:
+    own = asked.needs.own
+    if not {name for columns in own for name in columns} <= {*told, *asked.labels}:
         return None
-    holds = [np.all([told[name] for name in columns], axis=0) for columns in own]
-    touching: np.ndarray = np.any(holds, axis=0)
+    rows = len(next(iter(told.values()), ()))
+    touching = closing_rows(own, told, rows)
     return None if touching.all() or not touching.any() else touching
 
 

@@ -6,7 +6,7 @@ Nothing is raised for a cell: faults are collected by row, and the caller refuse
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -276,18 +276,36 @@ def _seen_in_part(
                 yield i, together[int(np.argmax(missing[:, i]))], together
 
 
+def closing_rows(
+    own: Sequence[Sequence[str]], told: Mapping[str, npt.NDArray[np.bool_]], rows: int
+) -> npt.NDArray[np.bool_]:
+    """Rows in which some closure holds: each of its own columns says something there.
+
+    Parameters
+    ----------
+    own : sequence of sequence of str
+        For each closure its own columns.
+    told : mapping of str to ndarray of bool, shape (rows,)
+        Where a column says something; one that is not here does so in every row.
+    rows : int
+        Number of rows.
+    """
+    closed = np.full(rows, not own)
+    for columns in own:
+        holds = np.ones(rows, dtype=np.bool_)
+        for name in columns:
+            holds &= told.get(name, True)
+        closed |= holds
+    return closed
+
+
 def _closed_by_none(
     own: list[list[str]], blank: dict[str, npt.NDArray[np.bool_]], rows: int
 ) -> list[tuple[int, str]]:
     """Rows in which every closure has a blank of its own, and the first column that is blank."""
     if not any(cells.any() for cells in blank.values()):
         return []
-    closed = np.zeros(rows, dtype=np.bool_)
-    for columns in own:
-        missing = np.zeros(rows, dtype=np.bool_)
-        for name in columns:
-            missing |= blank[name]
-        closed |= ~missing
+    closed = closing_rows(own, {name: ~cells for name, cells in blank.items()}, rows)
     names = [name for name in blank if any(name in columns for columns in own)]
     return [
         (i, next(name for name in names if blank[name][i]))

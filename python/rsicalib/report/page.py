@@ -27,13 +27,14 @@ from rsicalib.report.words import (
     capital,
     comparison,
     elsewhere_words,
-    excluded_words,
     judged_words,
     labelled,
     law_words,
+    left_out,
     moved_words,
     name_of,
     noise_words,
+    noisier,
     not_applied,
     not_tried,
     number,
@@ -462,11 +463,8 @@ def _workspace(result: ResultShape, evidence: Evidence | None, target: float | N
 
 def _excluded(result: ResultShape) -> str:
     skipped = [f"line {s.line}, {s.column}: {s.reason}" for s in result.readings.skipped]
-    out = [excluded_words(e) for e in result.excluded if e.kind != "stuck_bits"]
-    kept = [excluded_words(e) for e in result.excluded if e.kind == "stuck_bits"]
-    return section("Readings left out", listed([*out, *skipped])) + section(
-        "Readings that count as noisier", listed(kept)
-    )
+    out = section("Readings left out", listed([*left_out(result), *skipped]))
+    return out + section("Readings that count as noisier", listed(noisier(result)))
 
 
 def _moved(result: ResultShape) -> str:

@@ -12,13 +12,14 @@ from rsicalib.report.words import (
     between_words,
     comparison,
     elsewhere_words,
-    excluded_words,
     labelled,
     law_words,
+    left_out,
     mistaken,
     moved_words,
     name_of,
     noise_words,
+    noisier,
     not_applied,
     not_tried,
     number,
@@ -237,9 +238,8 @@ def _found(result: TraceShape, look: Look) -> list[str]:
 
 
 def _left_out(result: ResultShape, look: Look) -> list[str]:
-    out = [excluded_words(e) for e in result.excluded if e.kind != "stuck_bits"]
-    kept = [excluded_words(e) for e in result.excluded if e.kind == "stuck_bits"]
-    lines = _listed("left out", out, 3, look) + _listed("noisier", kept, 3, look)
+    lines = _listed("left out", left_out(result), 3, look)
+    lines += _listed("noisier", noisier(result), 3, look)
     return [*lines, ""] if lines else []
 
 

@@ -314,7 +314,7 @@ def sentence(result: ResultShape) -> str:
             return f"Unexplained: no known effect explains what is left{where} ({judged})."
         return f"The residual is significant ({judged}): the model lacks something."
     # Readings of a converter whose bits are stuck stay.
-    count = sum(it.samples or 1 for it in result.excluded if it.kind != "stuck_bits")
+    count = sum(it.samples or 1 for it in result.excluded if not _stays(it))
     out = "" if not count else f" without {count} bad sample{'s' * (count > 1)}"
     return f"Adequate{_yet(result)}: what is left{out} is the noise of the readings ({judged})."
 
@@ -559,6 +559,20 @@ def law_words(law: CurveLaw) -> str:
     )
     others = f"; {', '.join(map(name_of, law.also_fits))} would do as well" if law.also_fits else ""
     return f"the curve {law.text} ({name_of(law.form)}): {numbers}{others}"
+
+
+def left_out(result: ResultShape) -> list[str]:
+    """Which readings were left out, and why."""
+    return [excluded_words(entry) for entry in result.excluded if not _stays(entry)]
+
+
+def noisier(result: ResultShape) -> list[str]:
+    """Which readings stay and count as noisier, and why."""
+    return [excluded_words(entry) for entry in result.excluded if _stays(entry)]
+
+
+def _stays(entry: Excluded) -> bool:
+    return entry.kind == "stuck_bits"
 
 
 def excluded_words(entry: Excluded) -> str:

@@ -12,6 +12,7 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.shapes import Between
+from rsicalib.io.cells import closing_rows
 from rsicalib.io.readings import Readings
 from rsicalib.results.result import Result
 
@@ -85,12 +86,9 @@ def tell_closures(readings: Readings, mechanism: Mechanism) -> bool:
     keys, columns = {*mechanism.key_columns}, {*mechanism.value_columns}
     if not ({*readings.keys} >= keys and {*readings.columns} >= columns):
         return False
-    closed = np.full(len(readings.pose), not mechanism.own_columns)
-    for own in mechanism.own_columns:
-        told = [np.array([*readings.keys[name]]) != "" for name in own if name in keys]
-        told += [~np.isnan(readings.columns[name]) for name in own if name in columns]
-        closed |= np.logical_and.reduce(told) if told else True
-    return bool(closed.all())
+    told = {name: np.array([*readings.keys[name]]) != "" for name in keys}
+    told |= {name: ~np.isnan(readings.columns[name]) for name in columns}
+    return bool(closing_rows(mechanism.own_columns, told, len(readings.pose)).all())
 
 
 def posed(
