@@ -53,6 +53,8 @@ pub fn platform(observations: &Observations, model: &Model, beta: &[f64], noise:
 pub(crate) struct Movable {
     /// Of the samples that count.
     slopes: Vec<Slopes>,
+    /// Where these points are, sample by sample; none of a platform.
+    points: Vec<Vector3<f64>>,
 }
 
 impl Movable {
@@ -78,17 +80,18 @@ impl Movable {
             return Ok(None);
         };
         slopes.retain(|s| weights[s.row] > 0.0);
-        Ok(Some(Self { slopes }))
+        let points = slopes.iter().flat_map(|s| s.points.iter().copied()).collect();
+        Ok(Some(Self { slopes, points }))
     }
 
     /// What a change of these parameters does.
     pub(crate) fn by(&self, change: &[(usize, f64)]) -> PlatformRms {
         let moved: Vec<DVector<f64>> = self.slopes.iter().map(|s| s.moved(change)).collect();
-        let points: Vec<_> = self.slopes.iter().flat_map(|s| s.points.iter().copied()).collect();
+        let points = &self.points;
         if !points.is_empty() {
             let moved = moved.iter().flat_map(|all| all.as_slice().chunks_exact(3));
             let mut moved: Vec<_> = moved.map(Vector3::from_column_slice).collect();
-            remove_motion(&points, &mut moved);
+            remove_motion(points, &mut moved);
             let square: f64 = moved.iter().map(Vector3::norm_squared).sum();
             return PlatformRms::of_points((square / (3 * points.len()).max(1) as f64).sqrt());
         }

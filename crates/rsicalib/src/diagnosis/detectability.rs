@@ -93,12 +93,12 @@ impl Hardest {
 
 /// Directions of an effect that some reading could tell, each of typical size: a column for each; none where there
 /// is none. What no reading could tell is as drawn, whether a model has a parameter of it or not.
-fn units(
+fn units<'a>(
     observations: &Observations,
     fit: &Fit,
     effect: Instance,
     candidate: &Projected,
-    room: &OnceLock<Option<OtherConfigurations>>,
+    room: &dyn Fn() -> Option<&'a OtherConfigurations>,
 ) -> Option<Mat<f64>> {
     let typical = fit.model.typical_at(effect.term, effect.target);
     let d = typical.len();
@@ -108,8 +108,7 @@ fn units(
         return Some(all);
     }
     // Configurations take as long to close as all else here.
-    let room = room.get_or_init(|| other_configurations(observations, fit)).as_ref();
-    let lost = conventions_of(observations, fit, effect, room).unwrap_or(0).min(weak.len());
+    let lost = conventions_of(observations, fit, effect, room()).unwrap_or(0).min(weak.len());
     let lost = Mat::from_fn(lost, d, |k, i| weak[k][i] / typical[i]);
     let told = Spaces::of(&lost)?.null;
     (told.ncols() > 0).then(|| all * told)
@@ -160,7 +159,9 @@ pub fn could_hide(traced: &Traced, search: &SearchOptions) -> Result<Vec<Detecta
     let (_, to_reported) = as_reported(last);
     let platform = Movable::new(observations, &model, &beta, &last.assumed())?;
     let seen = seen_at(named.len());
-    let room = OnceLock::new();
+    let closed = OnceLock::new();
+    let widest = named.iter().map(Instance::width).max().unwrap_or(0);
+    let room = || closed.get_or_init(|| other_configurations(observations, last, widest)).as_ref();
     let of_one = |((instance, candidate), first): ((&Instance, Projected), &usize)| {
         let info = instance.term.info();
         let d = info.parameters.len();

@@ -10,7 +10,7 @@ use crate::estimate::noise::open;
 use crate::estimate::noise::source::first_noise;
 use crate::estimate::objective::{Noise, Part};
 use crate::estimate::observations::Observations;
-use crate::estimate::placed::placed;
+use crate::estimate::placed::{carried, placed};
 use crate::estimate::softer::softer;
 use crate::estimate::suspected::suspect;
 use crate::estimate::tried::Start;
@@ -120,14 +120,7 @@ fn after(fit: &Fit, model: &Model) -> Start {
 /// Parameters of an earlier fit for a new model; zero for parameters that the fit does not have.
 #[must_use]
 pub fn carry_over(fit: &Fit, model: &Model) -> Vec<f64> {
-    let mut beta = model.nominal();
-    for (instance, &first) in model.instances.iter().zip(&model.first) {
-        if let Some(k) = fit.model.instances.iter().position(|i| i == instance) {
-            let old = fit.model.first[k];
-            beta[first..first + instance.width()]
-                .copy_from_slice(&fit.beta[old..old + instance.width()]);
-        }
-    }
+    let mut beta = carried(&fit.model, &fit.beta, model);
     let (old, new) = (fit.model.term_parameters, model.term_parameters);
     if fit.model.unknowns == model.unknowns {
         beta[new..].copy_from_slice(&fit.beta[old..]);
@@ -250,19 +243,18 @@ pub fn with_conventions(observations: &Observations, fit: Fit) -> Fit {
     Fit { gram, covariance, unknowable, condition, conventions, stays, ..fit }
 }
 
-/// Random configurations by which [`conventions_of`] any term is told: at zero no term changes one.
+/// Random configurations by which [`conventions_of`] any term of `more` parameters at the most is told: at
+/// zero no term changes one.
 pub(crate) fn other_configurations(
     observations: &Observations,
     fit: &Fit,
+    more: usize,
 ) -> Option<OtherConfigurations> {
     let (model, priors, beta) = (&*fit.model, &fit.priors[..], &fit.beta[..]);
     let here =
         Here { observations, model, priors, beta, noise: &fit.assumed(), configurations: None };
-    OtherConfigurations::of(here, model.term_parameters + WIDEST, &mut Random::new(0)).ok()
+    OtherConfigurations::of(here, model.term_parameters + more, &mut Random::new(0)).ok()
 }
-
-/// Parameters of the widest term.
-const WIDEST: usize = 6;
 
 /// Directions of a fit with one more term that no reading could show, beyond those without it; `configurations` are
 /// those of [`other_configurations`], where they are made already.

@@ -1,4 +1,4 @@
-//! Starts with what is unknown where the data put it.
+//! Starts: what is unknown where the data put it, and parameters from one model to another.
 
 use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
@@ -24,4 +24,16 @@ pub(super) fn placed(
     let lost = |k: usize| Suspicion::Lost { name: model.unknowns[k].name.clone(), open: 0.0 };
     let warnings = untold.into_iter().map(lost).collect();
     Start { beta, warnings, ..Start::default() }
+}
+
+/// Parameters of the terms of one model for another; zero for terms that it has not, and what is unknown as it is drawn.
+pub(super) fn carried(from: &Model, x: &[f64], to: &Model) -> Vec<f64> {
+    let mut beta = to.nominal();
+    for (instance, &first) in to.instances.iter().zip(&to.first) {
+        if let Some(k) = from.instances.iter().position(|other| other == instance) {
+            let (old, width) = (from.first[k], instance.width());
+            beta[first..first + width].copy_from_slice(&x[old..old + width]);
+        }
+    }
+    beta
 }

@@ -43,8 +43,8 @@ pub(super) fn shifted(
     let all = Columns { keys: keys.clone(), values: values.clone() };
     let groups = [Columns { keys: Vec::new(), values }, Columns { keys, values: Vec::new() }, all];
     let told = |columns: &&Columns| !(columns.keys.is_empty() && columns.values.is_empty());
-    let both = groups[2].keys.is_empty() || groups[2].values.is_empty();
-    let groups = groups.iter().filter(told).take(if both { 1 } else { 3 });
+    let one_kind = groups[2].keys.is_empty() || groups[2].values.is_empty();
+    let groups = groups.iter().filter(told).take(if one_kind { 1 } else { 3 });
     let tried = groups.flat_map(|columns| [(columns, true), (columns, false)]);
     let closes = |(columns, later): (&Columns, bool)| {
         // Of rows in which they say something, as a tracker that sees some poses has rows of its own.

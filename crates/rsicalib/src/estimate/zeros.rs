@@ -14,7 +14,7 @@ use crate::estimate::limits::beyond_limits;
 use crate::estimate::miswired::{DECISIVE, LITTLE, apart, closing};
 use crate::estimate::objective::Part;
 use crate::estimate::observations::Observations;
-use crate::estimate::placed::placed;
+use crate::estimate::placed::{carried, placed};
 use crate::estimate::search::{anchored, collapsed, ratios};
 use crate::estimate::suspicion::{Closes, Suspicion};
 use crate::model::Model;
@@ -28,8 +28,9 @@ const ELSEWHERE: f64 = 0.5 * FRAC_PI_2;
 /// Iterations from a start: one that leads anywhere needs fewer.
 const ITERATIONS: usize = 60;
 
-/// The first fit with zeros elsewhere that closes the loop with every joint within its limits, where `fit` does not. None where the rest pose was read,
-/// which tells zeros, and where no offset of a joint that turns is fitted. `refit` fits from such parameters.
+/// The first fit with zeros elsewhere that closes the loop with every joint within its limits, where `fit` does not. None
+/// where the rest pose was read, which tells zeros, and where no offset of a joint that turns is fitted. `refit` fits from
+/// such parameters.
 ///
 /// A few poses tell from where a fit may close; what closes them by chance does not close all.
 pub(super) fn anywhere(
@@ -83,18 +84,6 @@ fn any_beyond(observations: &Observations, fit: &Fit) -> bool {
 
 /// Largest number of fits of all poses.
 const FITS: usize = 3;
-
-/// Parameters of one model for another, which has its terms; what is unknown is where it is drawn.
-fn carried(from: &Model, x: &[f64], to: &Model) -> Vec<f64> {
-    let mut beta = to.nominal();
-    for (instance, &first) in from.instances.iter().zip(&from.first) {
-        if let Some(k) = to.instances.iter().position(|other| other == instance) {
-            beta[to.first[k]..][..instance.width()]
-                .copy_from_slice(&x[first..][..instance.width()]);
-        }
-    }
-    beta
-}
 
 /// Turns of so many joints: one joint at a time by quarters, then all of them anywhere; of the latter as many as there
 /// are starts.
