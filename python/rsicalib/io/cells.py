@@ -245,7 +245,7 @@ def read_cells(
         faults.setdefault(i, Fault(name, found, expected))
     for i, name in _closed_by_none(own, blank, len(table.lines)):
         found = quoted(table.columns[index[name]][i])
-        faults.setdefault(i, Fault(name, found, wanted[name]))
+        faults.setdefault(i, Fault(name, found, _or_elsewhere(wanted[name], name, own)))
     if poses in ([*POSE], [*POSE[:3]]):
         known = np.column_stack([np.isfinite(cells[name]) for name in poses])
         for i in np.flatnonzero(known.any(axis=1) & ~known.all(axis=1)).tolist():
@@ -311,6 +311,12 @@ def _closed_by_none(
         (i, next(name for name in names if blank[name][i]))
         for i in np.flatnonzero(~closed).tolist()
     ]
+
+
+def _or_elsewhere(expected: str, name: str, own: list[list[str]]) -> str:
+    """What is expected in a column of a row in which nothing closes: that, or what closes another loop."""
+    others = list(dict.fromkeys(" ".join(columns) for columns in own if name not in columns))
+    return f"{expected}, or what the row touches in {' or '.join(others)}" if others else expected
 
 
 def _channel(

@@ -590,11 +590,14 @@ def advice(result: ResultShape) -> list[str]:
     fit = quality(result)
     if result.verdict in ("unexplained", "implausible") and (mistake := mistaken(result)):
         return [f"Do not use it. See to the warning first ({mistake}), then trace again."]
-    if result.verdict in ("adequate", "explained"):
+    warned = any(warning.kind in MISTAKES for warning in result.warnings)
+    if warned:
+        out.append("See to the warning first, then trace again.")
+    elif result.verdict in ("adequate", "explained"):
         how = f"rsicalib forward READINGS{_given(result)} --calibration result.json"
         out.append(f"{_use(result)}: {how}.")
     # Where nothing was fitted, what is lacking says what to do.
-    if result.verdict == "undetermined" and result.parameters:
+    if result.verdict == "undetermined" and result.parameters and not warned:
         less = (
             f"leave out --terms {listed_words(result.too_many)}"
             if result.too_many

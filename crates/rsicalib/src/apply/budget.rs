@@ -26,6 +26,7 @@
 //! The rows of the budget are of the place that is known least: `u² = tr var e`, source by source,
 //! so that squares add up, and degrees of freedom are those of Welch and Satterthwaite.
 
+use crate::numerics::order::Ends;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::Error;
@@ -504,8 +505,7 @@ impl Places {
         let of = |k: usize| self.shares(&self.all[k], errors);
         let size = |shares: &[Share]| shares.iter().map(|s| s.u * s.u).sum::<f64>();
         let all = (0..self.all.len()).map(|k| (k, of(k)));
-        let (row, shares) =
-            all.max_by(|a, b| size(&a.1).total_cmp(&size(&b.1))).unwrap_or_else(|| (0, Vec::new()));
+        let (row, shares) = all.greatest_by(|a| size(&a.1)).unwrap_or_else(|| (0, Vec::new()));
         (row, shares)
     }
 

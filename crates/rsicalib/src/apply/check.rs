@@ -1,5 +1,6 @@
 //! Error of platform poses against known ones.
 
+use crate::numerics::order;
 use std::ops::Range;
 
 use nalgebra::{Rotation3, Vector3};
@@ -198,7 +199,7 @@ impl Compared<'_> {
         let of = |(_, (_, one)): &(usize, (Check, Expected))| one.p_value;
         let least = each.enumerate().min_by(|a, b| {
             // Probabilities that underflow are alike.
-            of(a).total_cmp(&of(b)).then(b.1.1.chi2.total_cmp(&a.1.1.chi2))
+            order::compare(of(a), of(b)).then(order::compare(-a.1.1.chi2, -b.1.1.chi2))
         });
         let (k, (off, one)) = least?;
         let p_value = (one.p_value * self.pairs.len() as f64).min(1.0);

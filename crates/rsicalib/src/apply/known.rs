@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::Error;
 use crate::mechanism::Mechanism;
 use crate::readings::{Table, runs_of_poses};
-use crate::text::listed;
+use crate::text::{listed, quoted};
 
 /// Known poses, or known places of a point that a chain carries, for the error of a calibration.
 #[derive(Debug, Clone)]
@@ -39,7 +39,7 @@ impl Known {
     /// # Errors
     ///
     /// [`Error::Missing`] where there is neither, or where orientations are known of a point;
-    /// [`Error::Unknown`] where chains carry several points, and none of them is named.
+    /// [`Error::Option`] where chains carry several points, and none of them is named.
     pub(crate) fn carried(&self, mechanism: &Mechanism) -> Result<Option<usize>, Error> {
         let missing = |needs, why| Err(Error::missing(&mechanism.name, needs, why));
         if self.point.is_none() && !mechanism.platform.is_empty() {
@@ -54,10 +54,10 @@ impl Known {
             (_, 0) => missing("point on a chain", "there is nothing whose place could be told"),
             (None, 1) => Ok(Some(0)),
             (point, _) => {
-                let found = point.clone().unwrap_or_default();
-                let at = names.iter().position(|name| *name == found);
-                let kind = "point for the known places";
-                at.map(Some).ok_or_else(|| Error::Unknown { kind, found, known: listed(&names) })
+                let at = names.iter().position(|name| point.as_ref() == Some(name));
+                let found = || point.as_deref().map_or("none".into(), quoted);
+                let expected = || format!("the point whose places are known: {}", listed(&names));
+                at.map(Some).ok_or_else(|| Error::option("check_point", found(), expected()))
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Known poses in another unit or frame, or in another order than their readings.
 
 use crate::estimate::lengths::UNITS;
+use crate::numerics::order::Ends;
 
 /// A known pose, and where it was found.
 pub(crate) type Pair = ([f64; 6], [f64; 6]);
@@ -49,7 +50,7 @@ pub(crate) fn misread(
     };
     let times = UNITS.into_iter().flat_map(|unit| [unit, 1.0 / unit]);
     let lengths = times.map(|times| (positions(&scaled(0, times)), times));
-    let best = lengths.min_by(|a, b| a.0.total_cmp(&b.0));
+    let best = lengths.least_by(|a| a.0);
     if let Some((_, times)) = best.filter(|(then, _)| decides(*then, now, spread)) {
         return Some(Misread::Lengths(times));
     }
@@ -85,7 +86,7 @@ fn in_other_order(pairs: &[Pair]) -> Option<Vec<Pair>> {
         .iter()
         .map(|(known, _)| {
             let distances = pairs.iter().map(|(_, found)| far(known, found)).enumerate();
-            let (nearest, _) = distances.min_by(|a, b| a.1.total_cmp(&b.1))?;
+            let (nearest, _) = distances.least_by(|a| a.1)?;
             let free = !std::mem::replace(&mut taken[nearest], true);
             free.then_some((*known, pairs[nearest].1))
         })

@@ -4,6 +4,7 @@
 //! estimate are then inverted. Where the estimate differs from the drawing, and nothing computes its joints, loops are
 //! closed on the way to there. Without a box random configurations are closed under the estimate.
 
+use crate::numerics::order::Ends;
 use nalgebra::Vector3;
 
 use crate::Error;
@@ -453,7 +454,7 @@ impl Space<'_> {
         let (model, beta) = under(&drawn)?;
         let poses = poses_of(&model, &drawn, &beta, &at.noise);
         let off: Vec<f64> = poses.iter().map(|pose| from_drawn(mechanism, pose)).collect();
-        let nearest = (0..off.len()).min_by(|&a, &b| off[a].total_cmp(&off[b]));
+        let nearest = (0..off.len()).least_by(|&a| off[a]);
         let weights: Vec<f64> =
             (0..off.len()).map(|row| f64::from(u8::from(Some(row) == nearest))).collect();
         Ok(Been::new(configurations, (&model, &drawn, &beta), &weights))

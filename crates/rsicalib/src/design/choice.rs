@@ -4,6 +4,8 @@
 //! candidate that is best beside all others (Fedorov 1972), once or until no exchange helps. The
 //! chosen poses are refined among others around them.
 
+use crate::numerics::order;
+use crate::numerics::order::Ends;
 use std::cmp::Ordering;
 
 use crate::Error;
@@ -116,7 +118,7 @@ pub(crate) fn refined(
     random: &mut Random,
 ) -> Result<(Candidates, Whitened, Vec<usize>), Error> {
     let all = workers::map(starts, |start| choose(&rows, &found, start));
-    let best = all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    let best = all.into_iter().least_by(|a| a.1);
     let (mut chosen, mut score) = best.unwrap_or_default();
     for share in CLOSER {
         let each = AROUND.div_ceil(chosen.len().max(1));
@@ -139,10 +141,11 @@ pub(crate) fn least(
 ) -> (f64, usize) {
     let none = (f64::INFINITY, usize::MAX);
     let of = |score: f64| if score.is_nan() { f64::INFINITY } else { score };
-    let first = |a: (f64, usize), b: (f64, usize)| match b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)) {
-        Ordering::Less => b,
-        _ => a,
-    };
+    let first =
+        |a: (f64, usize), b: (f64, usize)| match order::compare(b.0, a.0).then(b.1.cmp(&a.1)) {
+            Ordering::Less => b,
+            _ => a,
+        };
     let parts = workers::map((0..count).step_by(TOGETHER), |from| {
         let open = (from..count.min(from + TOGETHER)).filter(|k| !taken.contains(k));
         open.map(|k| (of(score(k)), k)).fold(none, first)

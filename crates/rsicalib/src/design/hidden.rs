@@ -1,5 +1,6 @@
 //! How bad an effect could be there unseen, before and after poses that are planned.
 
+use crate::numerics::order::Ends;
 use faer::Mat;
 
 use crate::apply::change::PlatformRms;
@@ -64,7 +65,7 @@ pub(crate) fn worst_hidden(
         Some(WorstHidden { term, target, platform_rms })
     };
     let found = named.iter().filter_map(one);
-    found.max_by(|a, b| a.platform_rms.position.total_cmp(&b.platform_rms.position))
+    found.greatest_by(|a| a.platform_rms.position)
 }
 
 /// `WᵀW` of rows, with what priors know of some parameters.

@@ -1,5 +1,6 @@
 //! The explanations of a session, linear at one point.
 
+use crate::numerics::order::Ends;
 use faer::Mat;
 
 use crate::design::contest::{Contest, DECIDED, Field, Rival};
@@ -131,7 +132,7 @@ pub(crate) fn tells(gains: &[f64], kept: &[usize], contest: &Contest) -> Purpose
         both.sqrt() * gains[ab] * (-contest.lambda(a, b) / 8.0).exp()
     };
     let pairs = (0..m * m).filter(|ab| ab / m != ab % m);
-    let best = pairs.max_by(|x, y| weight(*x).total_cmp(&weight(*y))).unwrap_or_default();
+    let best = pairs.greatest_by(|x| weight(*x)).unwrap_or_default();
     Purpose::Tells { apart: [kept[best / m], kept[best % m]], gain: gains[best] }
 }
 

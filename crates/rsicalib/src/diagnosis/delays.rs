@@ -25,6 +25,7 @@ use crate::diagnosis::search::outcome::{FoundEffect, Searched};
 use crate::estimate::intervals::wider;
 use crate::estimate::{Fit, Implicit, Observations, Part, fit};
 use crate::model::Instance;
+use crate::numerics::order::Ends;
 use crate::terms;
 use crate::terms::term::{Class, Placed, Term};
 
@@ -103,7 +104,7 @@ pub(crate) fn least_that_does_not_pay(kept: &[FoundEffect], here: &Fit) -> Optio
     let of_noise = wider(here) / here.noise.slow;
     let worth = |step: &FoundEffect| paid(step, rise(here, &step.scored.instance) * of_noise);
     let each = kept.iter().map(worth).enumerate();
-    each.filter(|(_, worth)| *worth <= 0.0).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
+    each.filter(|(_, worth)| *worth <= 0.0).least_by(|a| a.1).map(|(k, _)| k)
 }
 
 /// What a score leaves once an effect is paid: above zero it pays.

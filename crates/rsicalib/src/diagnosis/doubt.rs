@@ -4,6 +4,7 @@
 use crate::kinematics::elements::Way;
 use crate::mechanism::{Mechanism, Target};
 use crate::model::Instance;
+use crate::numerics::order::Ends;
 use crate::terms::term::{Acts, Freedom, Placed, Role};
 
 /// An effect beside others that χ² would not rise by this much without is faint.
@@ -78,7 +79,7 @@ fn faintest(found: &[Instance], rises: &[f64]) -> Option<Doubted> {
     let gives = |i: &Instance| i.term.is_load();
     let together = found.iter().filter(|i| gives(i)).count() > 1;
     let alone = found.iter().zip(rises).filter(|(i, _)| !(together && gives(i)));
-    let (instance, rise) = alone.min_by(|a, b| a.1.total_cmp(b.1))?;
+    let (instance, rise) = alone.least_by(|one| *one.1)?;
     let doubt = Doubt::Faint { rise: *rise };
     (*rise < FAINT).then_some(Doubted { instance: *instance, doubt })
 }

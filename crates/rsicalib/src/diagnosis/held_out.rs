@@ -85,8 +85,9 @@ fn errors(
         let untouched = place_untouched(observations, &mut trained, &training.weights, &noise);
         let told = |weights: &[f64]| full.model.told_by(readings, weights) as f64;
         let width = told(&observations.weights) - told(&training.weights) - untouched.len() as f64;
-        let p_value =
-            (width > 0.0).then(|| judge.p_value((whole - left).max(0.0) * measure, width));
+        let more = (whole - left).clamp(0.0, f64::INFINITY);
+        let known = width > 0.0 && !more.is_nan();
+        let p_value = known.then(|| judge.p_value(more * measure, width));
         Some((trained, out, p_value))
     };
     let trained: Option<Vec<_>> = workers::map(0..folds, without).into_iter().collect();

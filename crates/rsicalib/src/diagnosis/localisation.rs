@@ -12,6 +12,7 @@ use crate::estimate::noise::source::{NOISIER, Source};
 use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, SURE, probabilities};
+use crate::numerics::order::Ends;
 
 /// What is left of the residual.
 #[derive(Debug, Clone, PartialEq)]
@@ -194,7 +195,7 @@ fn locate(traced: &Traced) -> Structure {
         let (taken, dimensions) = taken_up(&traced.small, &traced.last, channels);
         taken - dimensions
     };
-    let best = |scores: &[f64]| (0..scores.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]));
+    let best = |scores: &[f64]| (0..scores.len()).greatest_by(|&k| scores[k]);
     let of_chain: Vec<Vec<usize>> =
         (0..mechanism.chains.len()).map(|c| mechanism.channels_of(c)).collect();
     let chains: Vec<f64> = of_chain.iter().map(|channels| excess(channels)).collect();

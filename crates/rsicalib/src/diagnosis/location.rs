@@ -2,6 +2,7 @@
 
 use crate::diagnosis::trace::Traced;
 use crate::numerics::order;
+use crate::numerics::order::Ends;
 
 /// Parts into which the session, and the range of a channel, are divided.
 const PARTS: usize = 6;
@@ -107,7 +108,7 @@ fn dense_of(errors: &[&Wrong]) -> Option<(usize, usize, f64)> {
         let (first, end) = part(p);
         errors[first..end].iter().map(|e| e.excess()).sum::<f64>() / all
     };
-    let best = (0..PARTS).max_by(|&a, &b| share(a).total_cmp(&share(b)))?;
+    let best = (0..PARTS).greatest_by(|&a| share(a))?;
     let (first, end) = part(best);
     let enough = n >= 4 * PARTS && all > 0.0 && share(best) >= SHARE;
     (enough && share(best) >= DENSE / PARTS as f64)

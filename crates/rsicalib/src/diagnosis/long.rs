@@ -1,6 +1,7 @@
 //! The search of a long recording: by stretches, row by row where something happened, and kept
 //! only as far as all rows confirm it.
 
+use crate::numerics::order::Ends;
 use faer::Mat;
 
 use crate::Error;
@@ -117,7 +118,8 @@ fn confirmed(
             rise(&all, &stretches.in_all(&step.scored.instance)) - step.scored.paid()
         };
         let gains: Vec<f64> = searched.found.iter().map(gain).collect();
-        let worst = (0..gains.len()).min_by(|&a, &b| gains[a].total_cmp(&gains[b]));
+        let unknown = gains.iter().position(|gain| gain.is_nan());
+        let worst = unknown.or_else(|| (0..gains.len()).least_by(|&k| gains[k]));
         let Some(worst) = worst.filter(|&k| gains[k].is_nan() || gains[k] <= 0.0) else {
             return Ok(Some(all));
         };

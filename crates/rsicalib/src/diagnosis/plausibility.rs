@@ -3,6 +3,7 @@
 //! A fit of anything gives parameters. Where noise, misclosure or an effect is out of all
 //! proportion, the readings are not of this mechanism, or not in the units declared.
 
+use crate::numerics::order::Ends;
 use std::f64::consts::PI;
 
 use crate::diagnosis::curve::curve;
@@ -173,7 +174,7 @@ fn oversized(fit: &Fit, mechanism: &Mechanism, instance: &Instance) -> Option<Ab
     let sizes = fit.model.typical_at(instance.term, instance.target).into_iter().enumerate();
     let sizes = sizes.filter(|(k, _)| all || corrects(*k));
     let times = |&(k, typical): &(usize, f64)| fit.beta[first + k].abs() / typical;
-    let (parameter, typical) = sizes.clone().max_by(|a, b| times(a).total_cmp(&times(b)))?;
+    let (parameter, typical) = sizes.clone().greatest_by(|a| times(a))?;
     let size = match largest {
         // A free curve has small sizes of waves that are seldom large, and is as large as the first of them.
         Some(largest) => {

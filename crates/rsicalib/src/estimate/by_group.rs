@@ -306,7 +306,7 @@ impl Told<'_> {
                 dof -= sum.used.iter().zip(column).map(|(&j, gram)| inverse[j] * gram).sum::<f64>();
             }
         }
-        let chi2 = (squares - scattered * repeats).max(0.0) / inflation;
+        let chi2 = (squares - scattered * repeats).clamp(0.0, f64::INFINITY) / inflation;
         [chi2, dof - within * repeats]
     }
 

@@ -152,11 +152,12 @@ impl LackOfFit {
         let (mut chi2, mut within) = (total, 0.0);
         if noise.source.independent() {
             let scatter = groups.scatter(residuals, 0.0);
-            chi2 = (chi2 - scatter.within).max(0.0) / noise.inflation;
+            // What is no number stays none.
+            chi2 = (chi2 - scatter.within).clamp(0.0, f64::INFINITY) / noise.inflation;
             within = scatter.dof;
             dof -= within;
         }
-        let judged = noise.judges() && dof >= 1.0 && noise.dof_of_pose() > 0.0;
+        let judged = noise.judges() && dof >= 1.0 && noise.dof_of_pose() > 0.0 && !chi2.is_nan();
         let p_value = judged.then(|| distributions::f_tail(chi2 / dof, dof, noise.dof_of_pose()));
         Self { total, chi2, dof, within, p_value }
     }

@@ -7,6 +7,7 @@ use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Closes, Measure, Suspicion};
 use crate::mechanism::{Mechanism, Value};
 use crate::numerics::order;
+use crate::numerics::order::Ends;
 
 /// Units of length in each other.
 pub(crate) const UNITS: [f64; 5] = [10.0, 25.4, 100.0 / 2.54, 100.0, 1000.0];
@@ -95,7 +96,7 @@ pub(crate) fn in_other_unit(
         let closes = Closes { with, declared: left };
         (with < limit).then_some((with, Suspicion::Length { at, size: declared, times, closes }))
     });
-    tried.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, suspicion)| suspicion)
+    tried.least_by(|a| a.0).map(|(_, suspicion)| suspicion)
 }
 
 #[cfg(test)]

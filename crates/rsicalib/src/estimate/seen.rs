@@ -9,6 +9,7 @@ use crate::estimate::miswired::{Again, closing};
 use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Closes, Suspicion};
+use crate::numerics::order::Ends;
 
 /// The first point that an instrument sees whose columns are in another unit, or mirrored, where the loop closes with that
 /// undone for all points that it sees, and by far not as they are: `left` is χ² per degree of freedom by a `noise`, and
@@ -52,5 +53,5 @@ pub(crate) fn miswritten(
         });
         mirrored.into_iter().chain(scaled)
     });
-    tried.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, suspicion)| suspicion)
+    tried.least_by(|a| a.0).map(|(_, suspicion)| suspicion)
 }

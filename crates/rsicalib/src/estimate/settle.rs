@@ -2,10 +2,11 @@
 
 use crate::estimate::eliminated::Eliminated;
 use crate::estimate::objective::{Noise, Part, Play};
-use crate::estimate::significance::NORMAL_95;
+use crate::estimate::significance::{NORMAL_95, ONE_IN_TWENTY};
 use crate::estimate::spread::{seats, spread};
 use crate::kinematics::elements::Way;
 use crate::model::{Model, Want, Workspace};
+use crate::numerics::distributions::chi2_quantile;
 use crate::numerics::lanes::{Lanes, WIDTH, dispatch, solve_lower, solve_transposed};
 use crate::terms::term::Scale;
 
@@ -264,8 +265,8 @@ impl Room {
         repeats
     }
 
-    /// Takes the other place of what is unknown in a pose, (169), or the one where a body is looked for by these parameters,
-    /// where the squares of the whitened misclosure are less there by more than chance; true where it has taken one.
+    /// Takes the other place of what is unknown in a pose, (169), or one where a body is looked for by these parameters, or
+    /// turned, where the squares of the whitened misclosure are less there by more than chance; true where it has taken one.
     pub(crate) fn cross(
         &mut self,
         part: &Part,
@@ -288,8 +289,14 @@ impl Room {
         let across = part.model.placed_across(part.readings, block, xi, x, &mut self.ws);
         let turns = !part.model.posed.bodies.is_empty();
         let anew = turns.then(|| self.place(part, block, x));
+        let most = chi2_quantile(ONE_IN_TWENTY, self.w.len() as f64);
+        let open = here.0.iter().any(|left| *left > most);
+        let turned = match open {
+            true => part.model.placed_turned(part.readings, block, xi, x, &mut self.ws),
+            false => Vec::new(),
+        };
         let (mut left, mut crossed) = (here, false);
-        for mut other in across.into_iter().chain(anew) {
+        for mut other in across.into_iter().chain(anew).chain(turned) {
             let there = squares(self, &mut other);
             let less = |lane: &usize| there.0[*lane] + by_chance < left.0[*lane];
             let taken: Vec<usize> = (0..WIDTH).filter(less).collect();

@@ -6,6 +6,7 @@ use crate::estimate::miswired::{Again, closing};
 use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Closes, Suspicion};
+use crate::numerics::order::Ends;
 use crate::readings::{Readings, Table};
 
 /// Columns that may be shifted together, by their numbers.
@@ -67,7 +68,7 @@ pub(super) fn shifted(
         let closes = Closes { with, declared: left };
         (with < limit).then_some((with, Suspicion::Shifted { columns, later, closes }))
     };
-    tried.filter_map(closes).min_by(|a, b| a.0.total_cmp(&b.0)).map(|it| it.1)
+    tried.filter_map(closes).least_by(|a| a.0).map(|it| it.1)
 }
 
 /// Rows of each pose; none where they are not as many in all.

@@ -8,5 +8,8 @@ pub const CLEAN: f64 = 0.01;
 /// first two, and each look has its share of [`CLEAN`]; known poses have as much beside them.
 pub const LEVEL: f64 = CLEAN / 3.0;
 
+/// What an interval of 95 % leaves out.
+pub(crate) const ONE_IN_TWENTY: f64 = 0.05;
+
 /// Normal quantile of an interval of 95 %.
 pub(crate) const NORMAL_95: f64 = 1.959_963_984_540_054;

@@ -1,5 +1,7 @@
 //! Directions in the space of parameters, told by few of them.
 
+use crate::numerics::order::Ends;
+
 /// Parameters that take part by less than this share of the largest are not listed.
 pub(crate) const LISTED: f64 = 0.2;
 
@@ -31,7 +33,7 @@ pub(crate) fn reduced(mut rows: Vec<Vec<f64>>, first: &[usize], beside: &[Row]) 
         };
         let Some(pivot) = last(first).or_else(|| last(&all)) else { break };
         let size = |k: &usize| rows[*k][pivot].abs();
-        let Some(best) = (done..rows.len()).max_by(|a, b| size(a).total_cmp(&size(b))) else {
+        let Some(best) = (done..rows.len()).greatest_by(|a| size(a)) else {
             break;
         };
         rows.swap(done, best);

@@ -3,6 +3,7 @@
 use crate::history::past::Past;
 use crate::history::regression::{Shape, fitted, likeliest, unbiased};
 use crate::numerics::distributions::{f_tail, normal_quantile, student_quantile};
+use crate::numerics::order::Ends;
 
 /// Probability with which chance pays the price of a part of (127).
 const LEVEL: f64 = 0.01;
@@ -16,12 +17,13 @@ pub struct Course {
     pub kind: CourseKind,
     /// Level at the last date and its standard deviation.
     pub level: (f64, f64),
-    /// Rate per day, between the jumps; zero is not what it says where `kind` has no drift.
-    pub rate: f64,
+    /// Rate per day, between the jumps; zero is not what it says where `kind` has no drift. None where no two dates are
+    /// between the same jumps.
+    pub rate: Option<f64>,
     /// Standard deviation of the rate.
-    pub rate_sd: f64,
+    pub rate_sd: Option<f64>,
     /// Probability of such a rate by chance.
-    pub p_value: f64,
+    pub p_value: Option<f64>,
     /// Jumps, in order.
     pub jumps: Vec<Jump>,
     /// Standard deviation of the scatter beside what the results state.
@@ -96,7 +98,7 @@ pub fn course(past: &[Past], told: &[usize], tests: usize) -> Option<Course> {
     let past: Vec<Past> = past.iter().map(|p| Past { value: p.value - base, ..*p }).collect();
     let life = Life { past: &past, told, level: LEVEL / tests.max(1) as f64 };
     let shapes = [false, true].map(|line| life.with_jumps(line));
-    let best = shapes.into_iter().min_by(|a, b| a.price.total_cmp(&b.price))?;
+    let best = shapes.into_iter().least_by(|a| a.price)?;
     let found = life.concluded(&best);
     Some(Course { level: (found.level.0 + base, found.level.1), ..found })
 }
@@ -184,7 +186,7 @@ impl Life<'_> {
                 .filter(free)
                 .filter(|&j| self.is_told(j) || untold < found);
             let scored: Vec<(usize, f64)> = places.map(|j| (j, price(j))).collect();
-            let Some(next) = scored.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+            let Some(next) = scored.iter().least_by(|a| a.1) else { break };
             here = self.priced(with(next.0));
             if here.price < best.price {
                 best = here.clone();
@@ -222,15 +224,16 @@ impl Life<'_> {
             sd: sd(first + k),
             told: self.is_told(j),
         };
-        let lined = Shape { line: true, ..shape.clone() };
-        let rated = fitted(self.past, &lined, tau2(&lined));
         let dof = |shape: &Shape| match best.scatter {
             true => shape.dof(self.past.len()).max(1.0),
             false => f64::INFINITY,
         };
-        let (rate, rate_sd) = (rated.x[1], rated.covariance[(1, 1)].max(0.0).sqrt());
-        let known = rate_sd > 0.0;
-        let p_value = if known { f_tail((rate / rate_sd).powi(2), 1.0, dof(&lined)) } else { 1.0 };
+        let lined = Shape { line: true, ..shape.clone() };
+        let rated = lined.tells_rate(self.past).then(|| {
+            let rated = fitted(self.past, &lined, tau2(&lined));
+            let (rate, sd) = (rated.x[1], rated.covariance[(1, 1)].max(0.0).sqrt());
+            (rate, sd, f_tail((rate / sd).powi(2), 1.0, dof(&lined)))
+        });
         let wide = match best.scatter {
             true => student_quantile(0.975, dof(shape)),
             false => normal_quantile(0.975),
@@ -243,9 +246,9 @@ impl Life<'_> {
                 (true, false) => CourseKind::DriftAndJump,
             },
             level: (own.x[0], sd(0)),
-            rate,
-            rate_sd,
-            p_value,
+            rate: rated.map(|it| it.0),
+            rate_sd: rated.map(|it| it.1),
+            p_value: rated.map(|it| it.2),
             jumps: shape.jumps.iter().enumerate().map(jump).collect(),
             scatter: tau2(shape).sqrt(),
             wide,
@@ -276,6 +279,21 @@ mod tests {
     fn named(kind: CourseKind, rate: f64, jump: f64, scatter: f64) -> usize {
         let of = |seed: u64| course(&life(seed, rate, jump, scatter), &[], 1);
         (0..60).filter(|&seed| of(seed).is_some_and(|c| c.kind == kind)).count()
+    }
+
+    #[test]
+    fn a_jump_between_two_results_tells_no_rate() {
+        let at = |day: f64, value: f64| Past { day, value, sd: 1.0 };
+        let past = [at(0.0, 0.0), at(100.0, 10.0)];
+        let found = course(&past, &[1], 1).expect("two dates");
+        assert_eq!(found.kind, CourseKind::Jump);
+        assert_eq!((found.rate, found.rate_sd, found.p_value), (None, None, None));
+        assert!((found.jumps[0].value - 10.0).abs() < 1e-9);
+        // A third result tells a rate, from its own part alone: 0.02 a day, by deviations of sqrt(2)/50.
+        let past = [at(0.0, 0.0), at(100.0, 10.0), at(150.0, 11.0)];
+        let found = course(&past, &[1], 1).expect("three dates");
+        let (rate, sd) = (found.rate.expect("told"), found.rate_sd.expect("told"));
+        assert!((rate - 0.02).abs() < 1e-9 && (sd - 2.0_f64.sqrt() / 50.0).abs() < 1e-9);
     }
 
     #[test]

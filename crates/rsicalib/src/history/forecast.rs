@@ -12,6 +12,7 @@
 //! twice: once for the last session, and once for the day of use. All parameters are drawn together, so that nothing
 //! depends on where the zero of readings is.
 
+use crate::numerics::order;
 use faer::Mat;
 use nalgebra::{DMatrix, DVector};
 
@@ -82,7 +83,7 @@ pub fn forecast(
     });
     let drawn: Vec<[f64; 3]> = drawn.collect();
     let mut now: Vec<f64> = drawn.iter().map(|[a, ..]| a.max(0.0).sqrt()).collect();
-    now.sort_by(f64::total_cmp);
+    order::sort(&mut now);
     let past = |share: f64| {
         let is_past = |day: u32| {
             let t = f64::from(day);

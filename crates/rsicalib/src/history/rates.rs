@@ -19,7 +19,8 @@ use crate::history::regression::fitted;
 use crate::history::series::{Dated, Series};
 use crate::numerics::symmetric::invert;
 
-/// What (178) says of parameters, numbered as their series; zero for those without a course.
+/// What (178) says of parameters, numbered as their series; zero for those without a course. Whose rate nothing tells
+/// has none.
 pub(super) struct Rates {
     /// `ρ̂`.
     pub(super) value: Vec<f64>,
@@ -35,7 +36,9 @@ pub(super) struct Rates {
 pub(super) fn rates(results: &[Dated], series: &[Series]) -> Rates {
     let n = series.len();
     let with_course: Vec<usize> = (0..n).filter(|&one| series[one].course.is_some()).collect();
-    let (k, columns) = (with_course.len(), columns(series, &with_course));
+    let told = |one: &usize| series[*one].course.as_ref().is_some_and(|it| it.rate.is_some());
+    let with_rate: Vec<usize> = with_course.iter().copied().filter(told).collect();
+    let (k, columns) = (with_course.len(), columns(series, &with_course, &with_rate));
     let scatter = scatter(results, series);
     let mut normal = Mat::<f64>::zeros(columns.len(), columns.len());
     let mut rhs = Mat::<f64>::zeros(columns.len(), 1);
@@ -58,18 +61,19 @@ pub(super) fn rates(results: &[Dated], series: &[Series]) -> Rates {
     }
     let covariance = invert(&normal).0;
     let found = &covariance * &rhs;
-    // Levels come first, then rates, both in the order of `with_course`.
-    let place = |one: usize| with_course.binary_search(&one).ok();
-    let part = |from: usize| {
-        Mat::from_fn(n, n, |a, b| match (place(a), place(b)) {
-            (Some(a), Some(b)) => covariance[(from + a, k + b)],
+    // Levels come first, then rates.
+    let level = |one: usize| with_course.binary_search(&one).ok();
+    let rate = |one: usize| with_rate.binary_search(&one).ok().map(|at| k + at);
+    let part = |of: &dyn Fn(usize) -> Option<usize>| {
+        Mat::from_fn(n, n, |a, b| match (of(a), rate(b)) {
+            (Some(a), Some(b)) => covariance[(a, b)],
             _ => 0.0,
         })
     };
     Rates {
-        value: (0..n).map(|one| place(one).map_or(0.0, |at| found[(k + at, 0)])).collect(),
-        covariance: part(k),
-        with_level: part(0),
+        value: (0..n).map(|one| rate(one).map_or(0.0, |at| found[(at, 0)])).collect(),
+        covariance: part(&rate),
+        with_level: part(&level),
         scatter,
     }
 }
@@ -100,10 +104,10 @@ impl Column {
     }
 }
 
-/// All levels, all rates, and the jumps of the courses.
-fn columns(series: &[Series], with_course: &[usize]) -> Vec<Column> {
+/// All levels, the rates that something tells, and the jumps of the courses.
+fn columns(series: &[Series], with_course: &[usize], with_rate: &[usize]) -> Vec<Column> {
     let levels = with_course.iter().map(|&series| Column { series, part: Part::Level });
-    let rates = with_course.iter().map(|&series| Column { series, part: Part::Rate });
+    let rates = with_rate.iter().map(|&series| Column { series, part: Part::Rate });
     let jumps = with_course.iter().flat_map(|&one| {
         let jumps = series[one].course.iter().flat_map(|course| &course.jumps);
         let from = jumps.map(move |jump| series[one].known[jump.from].0);

@@ -1,5 +1,6 @@
 //! Weighted least squares of (127) for given jumps and a given scatter.
 
+use crate::numerics::order::Ends;
 use faer::Mat;
 
 use crate::history::past::Past;
@@ -23,6 +24,12 @@ impl Shape {
     /// Degrees of freedom that are left of `n` results: the place of a jump is a parameter, too.
     pub(super) fn dof(&self, n: usize) -> f64 {
         n as f64 - (self.width() + self.jumps.len()) as f64
+    }
+
+    /// True where two results of different dates are between the same jumps.
+    pub(super) fn tells_rate(&self, past: &[Past]) -> bool {
+        let between = |i: usize| self.jumps.iter().any(|&j| j == i);
+        past.windows(2).enumerate().any(|(i, two)| two[1].day > two[0].day && !between(i))
     }
 
     /// Row of a result: of the level, the rate where there is one, and the jumps.
@@ -81,7 +88,7 @@ pub(super) fn likeliest(past: &[Past], shape: &Shape) -> f64 {
     let top = spread.max(f64::MIN_POSITIVE).ln();
     let grid: Vec<f64> = (0..17).map(|k| top - 0.9 * f64::from(k)).collect();
     let costs: Vec<f64> = grid.iter().map(|&ln| cost(ln)).collect();
-    let best = (0..grid.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or(0);
+    let best = (0..grid.len()).least_by(|&a| costs[a]).unwrap_or(0);
     let (mut low, mut high) = (grid[best] - 0.9, grid[best] + 0.9);
     for _ in 0..18 {
         let third = (high - low) / 3.0;

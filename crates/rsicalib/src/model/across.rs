@@ -27,6 +27,9 @@ use crate::readings::Readings;
 /// Step by which `q` is differentiated, in radians, and in parts of lengths.
 const STEP: f64 = 1e-4;
 
+/// Turn from which a body is looked for again where (169) finds no place that closes, in radians.
+const TURN: f64 = 0.5;
+
 impl Model {
     /// Where the closures are nearest to closed across the free motion next to each place; where there is
     /// none, near that place. None where no place has one.
@@ -80,6 +83,27 @@ impl Model {
         let here = self.look(readings, block, a, beta, xi, ws);
         let other = self.across(readings, block, a, beta, &here, ws)?;
         Some(a.iter().copied().chain(other.xi).collect())
+    }
+
+    /// The same from where each body is turned by [`TURN`], to and fro about each of its axes: how the closures change
+    /// far from `ξ` is not what (169) has.
+    pub(crate) fn placed_turned(
+        &self,
+        readings: &Readings,
+        block: usize,
+        xi: &[Lanes],
+        beta: &[f64],
+        ws: &mut Workspace,
+    ) -> Vec<Vec<Lanes>> {
+        let a = readings.raw(block);
+        let turns = self.posed.turns().into_iter().flat_map(|turn| [(turn, TURN), (turn, -TURN)]);
+        let there = turns.map(|(turn, by)| {
+            let mut start = xi.to_vec();
+            start[turn] += Lanes::splat(by);
+            let there = self.nearest(readings, block, a, beta, start, ws);
+            a.iter().copied().chain(there.xi).collect()
+        });
+        there.collect()
     }
 }
 

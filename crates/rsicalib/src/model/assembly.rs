@@ -1,5 +1,6 @@
 //! Inverse kinematics: joint coordinates that hold the platform at a pose.
 
+use crate::numerics::order::Ends;
 use nalgebra::{Rotation3, Vector3};
 
 use std::cell::RefCell;
@@ -164,10 +165,7 @@ pub(crate) fn inverse_from(
     }
     let ws = at(&outcome.x, Want { x: false, a: false });
     let worst = (0..m / 3)
-        .max_by(|&a, &b| {
-            let miss = |i: usize| (0..3).map(|k| ws.f[3 * i + k].0[0].powi(2)).sum::<f64>();
-            miss(a).total_cmp(&miss(b))
-        })
+        .greatest_by(|&i| (0..3).map(|k| ws.f[3 * i + k].0[0].powi(2)).sum())
         .unwrap_or(0);
     Err(Error::OutOfReach {
         pose: 0,

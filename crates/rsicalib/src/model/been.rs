@@ -5,6 +5,7 @@
 //! the nearest of the places where the mechanism has been. Where the path ends all loops are closed, and it goes
 //! on to there. Later paths may begin there as well.
 
+use crate::numerics::order::Ends;
 use std::ops::Range;
 
 use crate::Error;
@@ -182,6 +183,6 @@ impl<'a> Been<'a> {
     fn nearest(&self, key: usize, goal: &Place) -> Option<&Place> {
         let own = self.places.iter().filter(|(own, _)| !self.keyed || *own == key);
         let far = own.map(|(_, at)| (self.coordinates.way(at, goal).norm_squared(), at));
-        far.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, at)| at)
+        far.least_by(|a| a.0).map(|(_, at)| at)
     }
 }

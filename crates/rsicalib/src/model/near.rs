@@ -3,6 +3,7 @@
 use crate::model::compiled::Model;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::{Lanes, WIDTH, dispatch, solve_lower, solve_transposed};
+use crate::numerics::order;
 use crate::readings::Readings;
 
 /// The one rule of rank for what is unknown in one pose: a direction that moves the equations less
@@ -179,7 +180,7 @@ impl Near {
     /// True where a lane is far more open than half of all.
     pub(super) fn is_uneven(&self) -> bool {
         let mut sorted = self.cost;
-        sorted.sort_unstable_by(f64::total_cmp);
+        order::sort(&mut sorted);
         let far = |cost: f64| cost.is_nan() || CLEARLY * CLEARLY * cost > sorted[WIDTH / 2];
         (0..WIDTH).any(|lane| !self.closed(lane) && far(self.cost[lane]))
     }

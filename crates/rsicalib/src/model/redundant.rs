@@ -14,6 +14,7 @@
 //! the others then say the same. A touch is turned first, so that what it has redundant is along
 //! one axis as far as it can be. Equations with play, or with an unknown point, follow from none.
 
+use crate::numerics::order::Ends;
 use nalgebra::{DMatrix, DVector};
 
 use crate::model::compiled::{CompiledClosure, Model};
@@ -243,8 +244,7 @@ fn most_dependent(mut redundant: Vec<DMatrix<f64>>) -> Option<Vec<usize>> {
         let least = |row: usize| {
             redundant.iter().map(|base| base.row(row).norm()).fold(f64::INFINITY, f64::min)
         };
-        let (row, part) =
-            (0..equations).map(|row| (row, least(row))).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let (row, part) = (0..equations).map(|row| (row, least(row))).greatest_by(|a| a.1)?;
         if part < LEAST {
             return None;
         }

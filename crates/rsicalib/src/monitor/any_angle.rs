@@ -1,6 +1,7 @@
 //! The angle by which a joint has turned, wherever in a turn that is: farther than a linearisation reaches.
 
 use crate::monitor::watched::Watched;
+use crate::numerics::order::Ends;
 
 /// Angles of a turn that are tried: between two of them a sum of squares has one minimum.
 const ANGLES: usize = 64;
@@ -53,7 +54,7 @@ pub(super) fn nearest_turn(at: &mut impl FnMut(f64) -> f64) -> (f64, f64) {
         beside.iter().all(|own| tried[k] <= *own)
     });
     let lowest = valleys.map(|k| lowest(at, shift(k), step));
-    lowest.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 0.0))
+    lowest.least_by(|a| a.0).unwrap_or((f64::INFINITY, 0.0))
 }
 
 /// Standard deviation of an angle, from the curvature of a sum of squares about it.

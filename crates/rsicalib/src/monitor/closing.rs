@@ -12,6 +12,7 @@
 //! `w + X μ` in every sample: the median over the samples is compared with chance, as a bad reading or two
 //! do not speak against a result.
 
+use crate::numerics::order;
 use nalgebra::{DMatrix, DVector};
 
 use crate::Error;
@@ -216,7 +217,7 @@ pub fn closing(
     let shifted = if shift.rank > 0 { tail(shift.statistic, shift.rank) } else { 1.0 };
     let told = |row: &usize| under.model.told(&under.readings, *row);
     let mut open: Vec<f64> = left.iter().zip(&used).map(|(w, row)| tail(*w, told(row))).collect();
-    open.sort_by(f64::total_cmp);
+    order::sort(&mut open);
     let p_value = (2.0 * shifted.min(open[open.len() / 2])).min(1.0);
     let independent = ((1.0 - correlation) / (1.0 + correlation)).clamp(0.0, 1.0);
     let p_quieter = samples.p_quieter(residual.min(1.0), independent, dof);

@@ -5,6 +5,7 @@
 //! found joins the parameters that are not known, and the others are tested beside it. Two changes at once
 //! can look like a third: so each is chosen again beside those that were found with it.
 
+use crate::numerics::order::Ends;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
@@ -333,7 +334,7 @@ impl<'a> Session<'a> {
             let column = watched.order[watched.candidates[candidate].columns[0]];
             (nearest_turn(&mut own.about(watched, column)), candidate)
         });
-        let ((_, shift), candidate) = best.min_by(|a, b| a.0.0.total_cmp(&b.0.0))?;
+        let ((_, shift), candidate) = best.least_by(|a| a.0.0)?;
         let position = watched.candidates[candidate].columns[0];
         let (column, step) = (watched.order[position], watched.scale[position]);
         Some(Turned::at(candidate, shift, &mut self.about(watched, column), step))

@@ -26,7 +26,7 @@ impl Seen {
     }
 
     /// Keeps a row if its turn has come; of too many rows every second one goes.
-    pub(crate) fn see(&mut self, readings: &[f64]) {
+    pub(crate) fn see(&mut self, readings: impl Iterator<Item = f64>) {
         self.count += 1;
         if self.count < self.every {
             return;
@@ -40,7 +40,7 @@ impl Seen {
             self.rows.truncate(KEPT / 2 * self.channels);
             self.every *= 2;
         }
-        self.rows.extend_from_slice(readings);
+        self.rows.extend(readings);
     }
 
     /// Change of the platform between two sets of parameters; none without a platform.
@@ -92,7 +92,11 @@ impl Seen {
         let mut values = self.rows.clone();
         if let Some(channel) = moved {
             let by = noise.sigma.get(channel).copied().unwrap_or_default();
-            values.iter_mut().skip(channel).step_by(self.channels).for_each(|v| *v += by);
+            let most =
+                model.mechanism.channels[channel].range.map_or(f64::INFINITY, |[_, high]| high);
+            // Either way is as far: that one which stays in the range.
+            let to = |value: f64| if value + by > most { value - by } else { value + by };
+            values.iter_mut().skip(channel).step_by(self.channels).for_each(|v| *v = to(*v));
         }
         let table = Table { values, ..Table::default() };
         let readings = Readings::beside(&model.mechanism, table, &watched.under.readings).ok()?;

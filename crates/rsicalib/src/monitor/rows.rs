@@ -39,6 +39,11 @@ impl Rows {
         self.raw[channel].0[lane]
     }
 
+    /// The readings in a lane.
+    pub(crate) fn in_lane(&self, lane: usize) -> impl Iterator<Item = f64> {
+        self.raw.iter().map(move |lanes| lanes.0[lane])
+    }
+
     /// Linearises all lanes about the present parameters in a row, (51) and (52).
     pub(crate) fn linearise(&mut self, watched: &Watched, row: u64) {
         let under = &watched.under;

@@ -1,6 +1,6 @@
 //! The error of the calibration, estimated sample by sample: a Kalman filter that stands still.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 /// Mean and covariance of the error of the calibration, in units of [`super::watched::Watched::scale`].
 #[derive(Debug, Clone)]
@@ -18,6 +18,12 @@ pub(crate) struct State {
 }
 
 impl State {
+    /// Mean and covariance of all columns.
+    pub(crate) fn all(&self) -> (DVector<f64>, DMatrix<f64>) {
+        let covariance = DMatrix::from_row_slice(self.size, self.size, &self.covariance);
+        (DVector::from_column_slice(&self.mean), covariance)
+    }
+
     /// A state of mean zero; `most` is the largest size that it may reach.
     pub(crate) fn new(covariance: Vec<f64>, size: usize, most: usize, equations: usize) -> Self {
         let mut own = Self {

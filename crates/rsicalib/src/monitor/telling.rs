@@ -26,10 +26,8 @@ impl Monitor {
     fn alarm(&self, open: &Open, kind: Kind, names: &[Name], tested: Tested) -> Alarm {
         let watched = &self.watched;
         let places = &open.places[open.columns(kind)];
-        let n = self.state.size;
-        let (mean, covariance) = open
-            .alone(watched, &self.state, open.named)
-            .unwrap_or((DVector::zeros(n), DMatrix::identity(n, n)));
+        let (mean, covariance) =
+            open.alone(watched, &self.state, open.named).unwrap_or_else(|| self.state.all());
         let mut values = DVector::from_fn(places.len(), |i, _| mean[places[i]]);
         let mut covariance = DMatrix::from_fn(places.len(), places.len(), |i, j| {
             covariance[(places[i], places[j])] * self.scale

@@ -26,6 +26,7 @@ use crate::monitor::place::Place;
 use crate::monitor::recent::Linearised;
 use crate::monitor::state::{axpy, dot};
 use crate::monitor::watched::{Candidate, Watched};
+use crate::numerics::order::Ends;
 
 /// Terms of what is unsteady.
 pub(crate) const NOISE: &str = "noise";
@@ -304,7 +305,7 @@ impl Watched {
             .map(|deviation| (deviation, weigh(deviation)))
             .collect();
         let sum = |found: &[f64; 5]| found[0] + found[1];
-        let (deviation, best) = *all.iter().max_by(|a, b| sum(&a.1).total_cmp(&sum(&b.1)))?;
+        let (deviation, best) = *all.iter().greatest_by(|a| sum(&a.1))?;
         if best[0] <= 0.0 || best[1] <= 0.0 {
             return None;
         }

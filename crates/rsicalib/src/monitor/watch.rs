@@ -122,7 +122,7 @@ impl Monitor {
             self.rows.put(0, readings);
             self.rows.linearise(&self.watched, tested.row);
             self.test(0, tested);
-            self.seen.see(readings);
+            self.seen.see(readings.iter().copied());
         }
         &self.alarms
     }
@@ -144,7 +144,6 @@ impl Monitor {
         for (row, readings) in values.chunks_exact(channels).enumerate() {
             if let Some(tested) = self.judge(readings, times.map(|t| t[row])) {
                 self.rows.put(full, readings);
-                self.seen.see(readings);
                 block[full] = tested;
                 full += 1;
             }
@@ -195,6 +194,7 @@ impl Monitor {
             if self.test(lane, *tested) {
                 self.rows.linearise(&self.watched, first.row);
             }
+            self.seen.see(self.rows.in_lane(lane));
         }
     }
 

@@ -306,23 +306,20 @@ pub(crate) fn tells_by_rows(mechanism: &Mechanism, applied: &Applied) -> bool {
 
 /// Refuses mechanisms whose loops are not closed in every sample.
 fn refuse(mechanism: &Mechanism) -> Result<(), Error> {
-    macro_rules! why {
-        () => {
-            "the watch tests that the same loops close in every sample"
-        };
-    }
-    let (needs, why) = if mechanism.closures.is_empty() {
-        ("closure", why!())
-    } else if !mechanism.key_columns().is_empty() {
-        let known = concat!(
-            why!(),
-            ": write what the calibration found as `at` of the point, or as the plane, in place of `unknown`"
-        );
-        ("closure without unknown points", known)
-    } else if mechanism.value_columns().len() > mechanism.law_columns().len() {
-        ("closure of a constant value", why!())
-    } else {
-        return Ok(());
+    let read = mechanism.value_columns().len() > mechanism.law_columns().len();
+    let (needs, why) = match () {
+        () if mechanism.closures.is_empty() => ("closure", "the watch tests that loops close"),
+        () if !mechanism.key_columns().is_empty() => (
+            "closure without unknown points or planes",
+            "the watch tests that the same loops close in every sample: write what the calibration found as `at` \
+             of the point, or as the plane, in place of `unknown`, and leave out closures that columns measure",
+        ),
+        () if read => (
+            "closure of a constant value",
+            "the watch tests that the same loops close in every sample: leave out closures that columns measure, \
+             a tracker's points among them",
+        ),
+        () => return Ok(()),
     };
     Err(Error::missing(&mechanism.name, needs, why))
 }

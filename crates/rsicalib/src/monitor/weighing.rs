@@ -27,6 +27,7 @@ use crate::monitor::windows::Sums;
 use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::distributions::poisson_tail;
 use crate::numerics::order;
+use crate::numerics::order::Ends;
 
 /// Candidates and pairs within this of the best are estimated together: where a change is large, it
 /// looks different about its estimate.
@@ -191,7 +192,7 @@ impl Monitor {
             let found = found?;
             (!self.leaves(found.rest, count)).then_some((place, found))
         });
-        let loud = loud.max_by(|a, b| a.1.evidence.total_cmp(&b.1.evidence));
+        let loud = loud.greatest_by(|a| a.1.evidence);
         let ranked = self.singles_and_pairs(open, &rows);
         let pairs: Vec<_> = ranked
             .into_iter()
@@ -229,7 +230,7 @@ impl Monitor {
             let rare = chance < (self.rate / self.watched.places.len() as f64).ln();
             (rare && began <= since + self.runs.rows(own.channel?)).then_some((place, chance))
         });
-        runs.min_by(|a, b| a.1.total_cmp(&b.1))
+        runs.least_by(|a| a.1)
     }
 
     /// Candidates and pairs of them, with the evidence of rows against a sound device, the best first,
@@ -347,8 +348,7 @@ impl Monitor {
             let expected = self.rate * (tested.row - self.lately[k].0) as f64;
             poisson_tail((last - k) as f64, expected)
         };
-        let (p_value, first) =
-            (0..last).map(|k| (chance(k), k)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (p_value, first) = (0..last).map(|k| (chance(k), k)).least_by(|a| a.0)?;
         if p_value >= self.rate {
             return None;
         }

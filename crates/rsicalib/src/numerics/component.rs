@@ -14,6 +14,7 @@
 //! p(√λ) ∝ √λ (Σ c²/(1 + λ c)²)^½                                             (171)
 //! ```
 
+use crate::numerics::order::Ends;
 use faer::MatRef;
 
 use crate::numerics::distributions::chi2_tail;
@@ -114,7 +115,7 @@ impl Contrasts {
             [ratio * noise.sqrt(), cost, noise, width * self.beforehand(ratio)]
         };
         let mut all: Vec<[f64; 4]> = self.ratios()?.into_iter().map(one).collect();
-        let best = all.iter().copied().min_by(|a, b| a[1].total_cmp(&b[1]))?;
+        let best = all.iter().copied().least_by(|a| a[1])?;
         let fall = all[0][1] - best[1];
         all.iter_mut().for_each(|t| t[3] *= (-0.5 * (t[1] - best[1])).exp());
         let sum: f64 = all.iter().map(|t| t[3]).sum();

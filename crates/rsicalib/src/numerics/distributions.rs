@@ -139,7 +139,9 @@ pub fn poisson_tail(count: f64, mean: f64) -> f64 {
     if count < 1.0 {
         return 1.0;
     }
-    Poisson::new(mean).map_or(1.0, |d| d.sf(count as u64 - 1))
+    // The library has no Poisson distribution of mean 0, where nothing is counted.
+    let none = if mean == 0.0 { 0.0 } else { 1.0 };
+    Poisson::new(mean).map_or(none, |d| d.sf(count as u64 - 1))
 }
 
 #[cfg(test)]

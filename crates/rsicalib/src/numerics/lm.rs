@@ -143,7 +143,8 @@ pub fn minimize(
         let there = problem.linearize_in(&trial, spare.take());
         let gained = here.cost - there.cost;
         // Near the minimum the decrease of the cost is below its rounding; the gradient is not.
-        let near = damping == NEGLIGIBLE && promised.max(gained.abs()) <= NEAR * here.cost;
+        let least = NEAR * here.cost;
+        let near = damping == NEGLIGIBLE && promised <= least && gained.abs() <= least;
         let ratio = if !near {
             gained / promised // (32)
         } else {

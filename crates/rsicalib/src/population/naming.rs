@@ -1,5 +1,6 @@
 //! Which errors of the drawing devices share.
 
+use crate::numerics::order::Ends;
 use faer::Mat;
 
 use crate::model::Spec;
@@ -74,7 +75,7 @@ pub(super) fn named(joint: &Joint, candidates: &[Candidate]) -> Vec<Named> {
     while chosen.len() < joint.tolerances.len() && dof >= 1.0 {
         let left = (0..candidates.len()).filter(|c| !chosen.contains(c));
         let scores: Vec<(usize, f64)> = left.map(|c| (c, fleet.score(&chosen, c))).collect();
-        let best = scores.iter().filter(|s| s.1.is_finite()).max_by(|a, b| a.1.total_cmp(&b.1));
+        let best = scores.iter().filter(|s| s.1.is_finite()).greatest_by(|a| a.1);
         let Some(&(best, z2)) = best else { break };
         let p_value = (f_tail(z2, 1.0, dof) * candidates.len() as f64).min(1.0);
         if p_value > FALSE {

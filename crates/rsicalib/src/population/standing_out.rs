@@ -3,6 +3,7 @@
 use crate::diagnosis::verdict::Verdict;
 use crate::numerics::distributions::student_limit;
 use crate::numerics::median::median;
+use crate::numerics::order;
 
 /// Devices from which on a spread tells what is usual.
 const FEWEST: usize = 5;
@@ -129,7 +130,7 @@ pub fn by_verdict(verdicts: &[Option<Verdict>], fits: &[(f64, f64)]) -> Vec<Rema
 /// Puts devices first that need a decision, and of these those that stand out most.
 pub fn sort(remarks: &mut [Remark], verdicts: &[Option<Verdict>]) {
     let rank = |one: &Remark| rank(verdicts[one.device]);
-    remarks.sort_by(|a, b| rank(a).cmp(&rank(b)).then(b.size.total_cmp(&a.size)));
+    remarks.sort_by(|a, b| rank(a).cmp(&rank(b)).then(order::compare(-a.size, -b.size)));
 }
 
 /// How soon somebody must decide on a device, the soonest first; none was refused.

@@ -1,6 +1,7 @@
 //! An order of rows that does not depend on where they stand in a file.
 
 use crate::numerics::order;
+use crate::numerics::order::Ends;
 use crate::numerics::symmetric::eigenvalues;
 
 /// Place of each row along the direction in which rows vary most, each channel in parts of what it
@@ -28,7 +29,7 @@ pub(crate) fn along<'a>(rows: impl Iterator<Item = &'a [f64]> + Clone) -> Vec<f6
         rows.clone().map(|row| part(row, i) * part(row, j)).sum::<f64>()
     });
     let Some((_, vectors)) = eigenvalues(square.as_ref()) else { return vec![0.0; count] };
-    let largest = (0..n).map(|c| vectors[(c, n - 1)]).max_by(|a, b| a.abs().total_cmp(&b.abs()));
+    let largest = (0..n).map(|c| vectors[(c, n - 1)]).greatest_by(|a| a.abs());
     let way = largest.map_or(1.0, f64::signum);
     rows.map(|row| (0..n).map(|c| way * vectors[(c, n - 1)] * part(row, c)).sum()).collect()
 }

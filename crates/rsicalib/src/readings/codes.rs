@@ -10,6 +10,7 @@
 //! The step of a counter is one count, or the whole number of counts of which all differences of
 //! its readings are multiples.
 
+use crate::numerics::order;
 use std::collections::HashSet;
 
 /// A gap may differ from whole steps by this part of a step: readings may have been rounded
@@ -85,7 +86,7 @@ fn common_divisor(mut a: u64, mut b: u64) -> u64 {
 /// The step of these readings of one channel, which went so often to what it reads; none where they lie on
 /// no grid.
 fn step(mut sorted: Vec<f64>, visits: impl Fn() -> usize) -> Option<f64> {
-    sorted.sort_by(f64::total_cmp);
+    order::sort(&mut sorted);
     sorted.dedup();
     let gaps: Vec<f64> = sorted.windows(2).map(|w| w[1] - w[0]).collect();
     // The smallest gap is the first guess; it gives the first multiple, and says nothing.
@@ -112,7 +113,7 @@ fn by_design(visits: usize, codes: usize) -> bool {
 /// Eq. (60) from a first guess, small gaps first: each makes the step sharper for the next.
 fn fitted(gaps: &[f64], guess: f64) -> Option<f64> {
     let mut sorted = gaps.to_vec();
-    sorted.sort_by(f64::total_cmp);
+    order::sort(&mut sorted);
     let (mut step, mut along, mut square) = (guess, 0.0, 0.0);
     for gap in sorted {
         let whole = (gap / step).round().max(1.0);

@@ -35,6 +35,7 @@
 //! best: what `E` errs by where they err is a small part of it, and what noise makes of `P''` is not. `E` begins as the
 //! square of `T`, and of `-T²` it is the opposite.
 
+use crate::numerics::order::Ends;
 use std::iter::zip;
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -409,7 +410,7 @@ impl Courses {
         // The longest of those that are alike, as of a channel that stands still.
         let best = |channel: usize| {
             let of = errors.iter().map(|(reach, squares)| (squares[channel], *reach));
-            let best = of.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, FARTHEST));
+            let best = of.least_by(|a| a.0).unwrap_or((0.0, FARTHEST));
             (best.1, (best.0 * apart as f64 / rows.len().max(1) as f64).sqrt())
         };
         (0..channels).map(best).collect()

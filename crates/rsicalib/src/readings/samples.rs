@@ -455,7 +455,8 @@ impl Readings {
     /// Counts temperatures from `mean` (°C), that of another session, instead of the mean of these readings. What has the
     /// temperature of all rows alike then differs from that session's all the same, and terms of temperature act.
     pub fn count_temperature_from(&mut self, mean: f64) {
-        let Some(own) = self.mean_temperature.replace(mean) else { return };
+        let Some(own) = self.mean_temperature else { return };
+        self.mean_temperature = Some(mean);
         self.tempered = true;
         for block in &mut self.blocks {
             block.temperature += Lanes::splat(own - mean);

@@ -5,6 +5,7 @@
 //! The noise is what neighbouring rows differ by (von Neumann 1941): motion, which goes on from row to
 //! row, adds little to that and much to the range.
 
+use crate::numerics::order;
 use std::ops::Range;
 
 use crate::numerics::distributions::normal_quantile;
@@ -85,7 +86,7 @@ fn limit(column: &[f64], rows: usize) -> f64 {
     let pairs = (rows - 1) as f64;
     let windows = sums.iter().zip(&sums[rows - 1..]);
     let mut noise: Vec<f64> = windows.map(|(a, b)| ((b - a) / (2.0 * pairs)).sqrt()).collect();
-    noise.sort_by(f64::total_cmp);
+    order::sort(&mut noise);
     let at = QUIET * (noise.len() - 1) as f64;
     let (below, above) = (noise[at.floor() as usize], noise[at.ceil() as usize]);
     let sigma = below + (above - below) * at.fract();
@@ -96,7 +97,7 @@ fn limit(column: &[f64], rows: usize) -> f64 {
 /// Smallest difference between readings of a channel: the step of its converter; 0 for none.
 fn step(column: &[f64]) -> f64 {
     let mut sorted = column.to_vec();
-    sorted.sort_by(f64::total_cmp);
+    order::sort(&mut sorted);
     let largest = column.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
     let gaps = sorted.windows(2).map(|both| both[1] - both[0]);
     gaps.filter(|gap| *gap > ROUNDING * largest).reduce(f64::min).unwrap_or(0.0)

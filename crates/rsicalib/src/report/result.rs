@@ -14,6 +14,7 @@ use crate::estimate::noise::source::Source;
 use crate::estimate::tried::{Gains, Origin, Try};
 use crate::estimate::{AnchorKind, Fit, Observations, Part, intervals, times};
 use crate::numerics::lm::Termination;
+use crate::numerics::order;
 use crate::readings::Readings;
 use crate::report::between::{self, BetweenReport};
 use crate::report::named::Named;
@@ -230,7 +231,7 @@ fn interval(readings: &Readings) -> Option<f64> {
     let same = |row: &usize| !readings.held || readings.pose[*row] == readings.pose[row - 1];
     let steps = (1..readings.samples).filter(same).map(|row| time[row] - time[row - 1]);
     let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
-    steps.sort_by(f64::total_cmp);
+    order::sort(&mut steps);
     steps.get(steps.len() / 2).copied()
 }
 

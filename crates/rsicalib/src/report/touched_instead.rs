@@ -1,5 +1,6 @@
 //! What a sample that is left out touches in place of what its row names.
 
+use crate::numerics::order::Ends;
 use nalgebra::Vector3;
 
 use crate::estimate::{Fit, Observations};
@@ -89,6 +90,6 @@ fn nearest(
     };
     let (named, others): (Vec<_>, Vec<_>) = places.partition(|unknown| unknown.keys == own);
     let named = off(named.first()?.first);
-    let other = others.into_iter().min_by(|a, b| off(a.first).total_cmp(&off(b.first)))?;
+    let other = others.into_iter().least_by(|a| off(a.first))?;
     (NEARER * off(other.first) < named).then(|| other.keys.join(", "))
 }

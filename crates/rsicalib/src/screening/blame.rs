@@ -2,6 +2,7 @@
 
 use crate::mechanism::{Mechanism, Target};
 use crate::numerics::credible_set::{SURE, probabilities};
+use crate::numerics::order::Ends;
 
 /// Channels less likely than this are not listed.
 const WORTH_NAMING: f64 = 0.1;
@@ -45,7 +46,7 @@ impl Blame {
             of_chain.map(|c| c.1).sum::<f64>()
         };
         let chains = channels.iter().map(|c| mechanism.chain_of(c.0));
-        let chain = chains.max_by(|a, b| total(*a).total_cmp(&total(*b))).flatten();
+        let chain = chains.greatest_by(|a| total(*a)).flatten();
         let likely = channels.iter().filter(|c| c.1 >= WORTH_NAMING).copied().collect();
         Self { channel: None, chain, likely }
     }

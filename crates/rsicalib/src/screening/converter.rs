@@ -73,6 +73,9 @@ pub fn of_codes(values: &[f64], counts: &[bool], pose: &[usize], held: bool) -> 
     found
 }
 
+/// Bits of codes that are looked at, at the most: doubles hold no more of a count.
+const LARGEST: u32 = 53;
+
 /// Bits and their constant values, for bits that smooth data would have toggled.
 ///
 /// Bit `b` halves every block of `2^(b+1)` codes. Readings spread over several blocks,
@@ -83,7 +86,7 @@ fn constant_bits(codes: &[i64], pose: &[usize], channels: usize) -> Vec<(u32, bo
     let (Some(low), Some(high)) = (codes.iter().min(), codes.iter().max()) else {
         return Vec::new();
     };
-    let bits = i64::BITS - (high - low).leading_zeros();
+    let bits = (u64::BITS - high.abs_diff(*low).leading_zeros()).min(LARGEST);
     let tosses = (f64::from(bits.max(1)) * channels as f64 / RARE).log2();
     let stuck = |b: &u32| {
         let high = (codes[0] >> b) & 1 == 1;
@@ -115,11 +118,11 @@ fn clipped(
     sign: i64,
     channels: usize,
 ) -> Option<(f64, Vec<usize>)> {
-    let wall = codes.iter().map(|code| sign * code).max()?;
+    let wall = codes.iter().map(|code| code.saturating_mul(sign)).max()?;
     let poses = pose.iter().max()? + 1;
     let (mut at, mut near) = (vec![true; poses], vec![false; poses]);
     for (code, &p) in codes.iter().zip(pose) {
-        let depth = wall - sign * code;
+        let depth = wall.saturating_sub(code.saturating_mul(sign));
         at[p] &= depth == 0;
         near[p] |= (1..=NEAR).contains(&depth);
     }
@@ -130,9 +133,9 @@ fn clipped(
         visits(&at, &near)
     };
     let chance = distributions::poisson_tail(times as f64, (beside + 1) as f64 / NEAR as f64);
-    let moves = codes.iter().any(|code| sign * code != wall);
+    let moves = codes.iter().any(|code| code.saturating_mul(sign) != wall);
     (moves && chance * 2.0 * (channels as f64) < RARE)
-        .then(|| ((sign * wall) as f64, (0..poses).filter(|&p| at[p]).collect()))
+        .then(|| (wall.saturating_mul(sign) as f64, (0..poses).filter(|&p| at[p]).collect()))
 }
 
 /// How often a recording came to the wall and stayed, and how often near it.

@@ -23,6 +23,7 @@ use crate::estimate::noise::seating::contrasts;
 use crate::estimate::noise::source::LEAST_DOF;
 use crate::estimate::{Fit, Observations};
 use crate::numerics::distributions;
+use crate::numerics::order::Ends;
 use crate::screening::blame::Blame;
 use crate::screening::excluded::{Cause, Excluded};
 
@@ -143,7 +144,7 @@ fn moved(
     let (all, dof) = own.iter().fold((0.0, 0.0), |sum, s| (sum.0 + s.within, sum.1 + s.dof));
     let several = || (0..own.len()).filter(|&pose| own[pose].dof > 0.0);
     let mean = |pose: usize| own[pose].within / own[pose].dof;
-    let pose = several().max_by(|&a, &b| mean(a).total_cmp(&mean(b)))?;
+    let pose = several().greatest_by(|&a| mean(a))?;
     let Scatter { within, dof: free, .. } = own[pose];
     let typical = ((all - within) / (dof - free)).max(declared);
     let times = mean(pose) / typical;

@@ -23,6 +23,7 @@ use crate::estimate::on_closures::means;
 use crate::estimate::{Fit, FitOptions, Noise, Observations};
 use crate::mechanism::Target;
 use crate::numerics::median::median;
+use crate::numerics::order::Ends;
 use crate::numerics::{distributions, symmetric};
 use crate::screening::excluded::{Cause, Excluded};
 use crate::screening::steps::{SIDE, StepScore, StepSums};
@@ -253,7 +254,7 @@ impl<'a> Looking<'a> {
     fn worst_single(&self) -> Option<(usize, f64)> {
         let rows = self.runs.concat();
         let score = |row: usize| self.single[row] / self.usual[row];
-        let row = *rows.iter().max_by(|a, b| score(**a).total_cmp(&score(**b)))?;
+        let row = *rows.iter().greatest_by(|a| score(**a))?;
         let k = self.at.residuals.directions_of(row).max(1) as f64;
         // The scale is an estimate from as many samples: F, not χ².
         let dof = (k * rows.len() as f64 - self.at.fit.model.term_parameters as f64).max(k);
@@ -285,7 +286,7 @@ impl<'a> Looking<'a> {
         let told = self.at.residuals.equations as f64;
         let declared = (self.declared * distributions::chi2_quantile(0.5, told)).sqrt();
         let usual = median(sizes.iter().map(|s| s.1).collect()).max(declared);
-        let worst = *sizes.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let worst = *sizes.iter().greatest_by(|a| a.1)?;
         (sizes.len() >= SIBLINGS && worst.1 > STRANGE * usual).then_some((worst.0, worst.1 / usual))
     }
 
@@ -309,7 +310,7 @@ impl<'a> Looking<'a> {
             (left <= HEALED * HEALED).then(|| Displacement { score: m.score / left.max(1.0), ..m })
         };
         let healed = best.into_iter().filter_map(beside_its_run);
-        let worst = healed.max_by(|a, b| a.score.total_cmp(&b.score))?;
+        let worst = healed.greatest_by(|a| a.score)?;
         let p = distributions::chi2_tail(worst.score / scale, 3.0) * 2.0 * times;
         (p <= 0.5 * ALPHA).then_some(worst)
     }

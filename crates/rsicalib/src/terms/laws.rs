@@ -4,6 +4,7 @@
 //! with terms of every other stage switched on: the chain rule is tested
 //! through all of them.
 
+use crate::numerics::order::Ends;
 use faer::{Mat, Side};
 
 use crate::estimate::{Algebraic, Part};
@@ -202,14 +203,13 @@ fn to_hold(gram: &Mat<f64>, own: &std::ops::Range<usize>) -> Vec<usize> {
     while !null.is_empty() {
         let weight = |i: usize| null.iter().map(|v| v[i] * v[i]).sum::<f64>();
         let best = |some: &mut dyn Iterator<Item = usize>| {
-            some.max_by(|&i, &j| weight(i).total_cmp(&weight(j))).unwrap_or(own.start)
+            some.greatest_by(|&i| weight(i)).unwrap_or(own.start)
         };
         let other = best(&mut (0..n).filter(|i| !own.contains(i)));
         let pivot = if weight(other) > 1e-6 { other } else { best(&mut own.clone()) };
         held.push(pivot);
         // The directions left are those that do not move the pivot.
-        let leader =
-            (0..null.len()).max_by(|&k, &l| null[k][pivot].abs().total_cmp(&null[l][pivot].abs()));
+        let leader = (0..null.len()).greatest_by(|&k| null[k][pivot].abs());
         let leader = null.swap_remove(leader.unwrap_or(0));
         for v in &mut null {
             let share = v[pivot] / leader[pivot];

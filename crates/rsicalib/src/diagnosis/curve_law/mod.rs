@@ -19,6 +19,7 @@ use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::order;
+use crate::numerics::order::Ends;
 use crate::numerics::search::{edge, highest};
 use crate::readings::Block;
 use crate::terms::term::Over;
@@ -166,7 +167,7 @@ impl<'a> Fitted<'a> {
         let tried = shapes.len();
         let score = |shape: &Vec<f64>| at(room, form, shape).score;
         let best = shapes.into_iter().map(|shape| (score(&shape), shape));
-        let (_, shape) = best.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
+        let (_, shape) = best.greatest_by(|a| a.0).unwrap_or_default();
         let mut fitted =
             Self { scale, form, grid, scored: at(room, form, &shape), shape, value: 0.0 };
         // Entry by entry; each time the others have moved.
@@ -220,7 +221,7 @@ impl<'a> Fitted<'a> {
             let ends = [edge(inside, value, first.min(last)), edge(inside, value, first.max(last))];
             let scaled = |v: f64| self.scaled(measures, v);
             let mut interval = ends.map(scaled);
-            interval.sort_by(f64::total_cmp);
+            order::sort(&mut interval);
             let unit = match (measures, self.form.over) {
                 (Measures::PerTurn, _) => "1/turn".into(),
                 (Measures::Phase, _) => "1".into(),

@@ -6,6 +6,7 @@ use crate::estimate::Observations;
 use crate::estimate::at_fit::{AtFit, Column};
 use crate::mechanism::Target;
 use crate::model::Instance;
+use crate::numerics::order::Ends;
 use crate::numerics::symmetric::{SEEN, left_out};
 use crate::numerics::workers;
 use crate::terms::find;
@@ -229,9 +230,7 @@ impl<'a> Poses<'a> {
             (seen(before, squared) && seen(after, squared)).then_some(score)
         };
         let score_of = |time: &Time| score(time).unwrap_or(0.0);
-        let best = (0..times.len())
-            .max_by(|i, j| score_of(&times[*i]).total_cmp(&score_of(&times[*j])))
-            .filter(|_| stride > 1);
+        let best = (0..times.len()).greatest_by(|i| score_of(&times[*i])).filter(|_| stride > 1);
         if let Some(best) = best {
             // Every time between the neighbours of the best, from the sums of the later one.
             let mut time = best.checked_sub(1).map_or(&end, |later| &times[later]).clone();

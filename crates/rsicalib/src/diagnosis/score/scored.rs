@@ -1,5 +1,6 @@
 //! A candidate with its score, and how scores are judged.
 
+use crate::numerics::order;
 use std::collections::HashMap;
 
 use crate::diagnosis::price::{self, Said, prior};
@@ -94,7 +95,8 @@ pub fn best_places(scored: &[Scored]) -> Vec<Scored> {
         }
     }
     let mut best: Vec<(f64, usize)> = best.into_values().collect();
-    best.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    best.sort_by_key(|one| one.1);
+    order::descending(&mut best, |one| one.0);
     best.into_iter().map(|(_, k)| scored[k]).collect()
 }
 

@@ -19,6 +19,7 @@ use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::AS_WELL;
 use crate::numerics::order;
+use crate::numerics::order::Ends;
 use crate::numerics::workers;
 use crate::screening::blame::Blame;
 use crate::terms::term::{Acts, Class};
@@ -65,7 +66,7 @@ fn searched(averaged: &mut Averaged, start: &Fit) -> Result<(Searched, Option<Is
     }
     averaged.rescale(&mut current)?;
     let found = steps(averaged, &current, &found, beside, noise.is_some())?;
-    let left = last.iter().copied().min_by(|a, b| a.corrected.total_cmp(&b.corrected));
+    let left = last.iter().copied().least_by(|a| a.corrected);
     let scores = scored::best_places(&last);
     let it = Searched { current, found, poses, left, scores, rivals };
     let lost = it.found.is_empty() && !absurdities(&averaged.small, start, &[]).is_empty();

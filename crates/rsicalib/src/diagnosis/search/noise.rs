@@ -9,6 +9,7 @@
 //!
 //! pose by pose. What is found beside it stands out of that noise.
 
+use crate::numerics::order::Ends;
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::isolation::channels_of;
@@ -98,7 +99,7 @@ impl Shown {
     pub fn likeliest(&self) -> Option<(UnknownNoise, f64)> {
         let each = variances().take_while(|variance| *variance < self.largest);
         let each = each.filter_map(|variance| self.of_variance(variance));
-        each.min_by(|(a, fall_a), (b, fall_b)| (a.volume - fall_a).total_cmp(&(b.volume - fall_b)))
+        each.least_by(|(one, fall)| one.volume - fall)
     }
 
     /// The noise of the fit, with its price there.

@@ -5,6 +5,7 @@ use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
 use crate::numerics::order;
+use crate::numerics::order::Ends;
 
 /// Id of noise that nobody knows of.
 pub const UNKNOWN_NOISE: &str = "unknown_noise";
@@ -49,7 +50,7 @@ pub fn elsewhere(rivals: &[Explanation], predicted: f64) -> Option<(&Explanation
     let best = rivals.first()?.chi2;
     let as_well = rivals.iter().filter(|e| e.chi2 <= best + AS_WELL && e.noise.is_none());
     let far = as_well.filter_map(|e| e.apart.map(|apart| (e, apart)));
-    let farthest = far.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let farthest = far.greatest_by(|a| a.1)?;
     (farthest.1 > BEYOND * predicted).then_some(farthest)
 }
 

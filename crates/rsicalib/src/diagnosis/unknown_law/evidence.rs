@@ -12,6 +12,7 @@
 //! of it, and for nothing else. Where a closure makes two coordinates equal, what is linear in either is a
 //! gain, which shrinks that closure to nothing beside the gain of the other: laws are orthogonal to it.
 
+use crate::numerics::order::Ends;
 use faer::{ColRef, Mat, MatRef};
 use nalgebra::linalg::SymmetricTridiagonal;
 use nalgebra::{DMatrix, DVector};
@@ -129,7 +130,7 @@ impl Errors {
             }
         }
         let price = mean(found.iter().map(|one| (one.0, 1.0)));
-        let best = found.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        let best = found.into_iter().least_by(|a| a.0);
         let (_, fall, smooth, tau2) = best.unwrap_or((0.0, 0.0, 1.0, 0.0));
         Evidence { price, fall, smooth, tau2 }
     }
@@ -156,8 +157,18 @@ impl Errors {
         })
     }
 
+    /// `M` and `u` of (71) for these columns, one after the other in each sample; without what no law has a part of.
+    pub(super) fn normal_of(
+        &self,
+        columns: usize,
+        values: Vec<f64>,
+    ) -> (DMatrix<f64>, DVector<f64>) {
+        let basis = Basis { degrees: vec![1.0; columns], values };
+        self.normal(&basis.without(&self.apart))
+    }
+
     /// `M` and `u` of (71) for the columns of a basis.
-    pub(super) fn normal(&self, basis: &Basis) -> (DMatrix<f64>, DVector<f64>) {
+    fn normal(&self, basis: &Basis) -> (DMatrix<f64>, DVector<f64>) {
         let m = basis.degrees.len();
         let values = MatRef::from_row_major_slice(&basis.values, self.square.len(), m);
         let weighted = Mat::from_fn(values.nrows(), m, |p, j| self.square[p] * values[(p, j)]);
@@ -169,11 +180,16 @@ impl Errors {
         (square, DVector::from_fn(m, |j, _| gradient[j]))
     }
 
-    /// A column of (71), given by its value in each sample.
-    pub(super) fn column(&self, values: Vec<f64>) -> Column {
+    /// A column of (71), given by its value in each sample; without what no law has a part of.
+    pub(super) fn column(&self, mut values: Vec<f64>) -> Column {
+        let whole = values.iter().zip(&self.square).map(|(v, square)| v * v * square).sum();
+        for way in &self.apart {
+            let part = dot(&values, way);
+            add_scaled(&mut values, -part, way);
+        }
         let taken = &self.absorbed * ColRef::from_slice(&values);
         Column {
-            plain: values.iter().zip(&self.square).map(|(v, square)| v * v * square).sum(),
+            plain: whole,
             along: dot(&values, &self.gradient),
             taken: taken.iter().copied().collect(),
             values,
@@ -260,11 +276,11 @@ impl Likeliest {
 }
 
 /// Functions of one or two variables, the constant left out.
-pub(super) struct Basis {
+struct Basis {
     /// Their degrees.
-    pub(super) degrees: Vec<f64>,
+    degrees: Vec<f64>,
     /// Their values, sample by sample.
-    pub(super) values: Vec<f64>,
+    values: Vec<f64>,
 }
 
 impl Basis {
@@ -285,13 +301,19 @@ impl Basis {
         for p in 0..samples {
             values.extend(pairs.iter().map(|[a, b]| one(*a, p) * one(*b, p)));
         }
-        for (j, way) in (0..pairs.len()).flat_map(|j| apart.iter().map(move |way| (j, way))) {
-            let column = || (0..samples).map(|p| p * pairs.len() + j);
-            let part: f64 = column().zip(way).map(|(k, w)| values[k] * w).sum();
-            column().zip(way).for_each(|(k, w)| values[k] -= part * w);
-        }
         let degrees = pairs.iter().map(|[a, b]| (degree(*a) + degree(*b)) as f64).collect();
-        Self { degrees, values }
+        Self { degrees, values }.without(apart)
+    }
+
+    /// The same functions without what they have of some orthonormal ones.
+    fn without(mut self, apart: &[Vec<f64>]) -> Self {
+        let m = self.degrees.len();
+        for (j, way) in (0..m).flat_map(|j| apart.iter().map(move |way| (j, way))) {
+            let column = || (0..way.len()).map(|p| p * m + j);
+            let part: f64 = column().zip(way).map(|(k, w)| self.values[k] * w).sum();
+            column().zip(way).for_each(|(k, w)| self.values[k] -= part * w);
+        }
+        self
     }
 }
 

@@ -26,6 +26,7 @@ use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, RIVAL};
 use crate::numerics::order;
+use crate::numerics::order::Ends;
 use crate::numerics::workers;
 use crate::terms::term::Needs;
 
@@ -109,10 +110,11 @@ impl UnknownLaw {
     }
 
     /// True where what was found is not said without it: the law fits better than effects do, or is
-    /// likelier than nothing.
+    /// likelier than nothing, or than an effect that is not applied for it.
     #[must_use]
     pub fn is_said(&self) -> bool {
-        self.better() || (self.replaces.is_empty() && self.behind < 0.0)
+        let undoes = self.replaces.iter().any(|effect| self.undoes(effect));
+        self.better() || (self.behind < 0.0 && (self.replaces.is_empty() || undoes))
     }
 
     /// True for an effect that is not applied: in its place the law is likelier and holds nothing of it, or
@@ -372,7 +374,7 @@ fn scans(
         let of = |width: usize| sets.iter().filter(|(set, _)| set.len() == width).count() as f64;
         let many = [of(1), of(2)];
         let price = mean(sets.iter().map(|(set, e)| (e.price, 1.0 / many[set.len() - 1])));
-        let (set, best) = sets.iter().min_by(|a, b| a.1.price.total_cmp(&b.1.price))?;
+        let (set, best) = sets.iter().least_by(|a| a.1.price)?;
         let of: Vec<&Variable> = set.iter().map(|&v| &variables[v]).collect();
         let likeliest = errors[0].likeliest(&of, best)?;
         let fall = best.fall;
@@ -438,7 +440,7 @@ fn formula_of(
             (data, beside.chi2, smooth),
         )
     });
-    let best = each.min_by(|a, b| a.price.total_cmp(&b.price))?;
+    let best = each.least_by(|a| a.price)?;
     (best.price < least - beside.price + AS_WELL).then_some(best)
 }
 
@@ -546,7 +548,7 @@ impl On {
 
 /// What the likeliest law of a channel depends on, and what cannot be told from it.
 fn depends_on(scan: &Scan, variables: &[Variable]) -> Vec<On> {
-    let likeliest = scan.sets.iter().min_by(|a, b| a.1.price.total_cmp(&b.1.price));
+    let likeliest = scan.sets.iter().least_by(|a| a.1.price);
     let Some((set, best)) = likeliest else { return Vec::new() };
     // What the law explains without a variable; a law of what is left may be one that a term has.
     let without = |v: usize| {

@@ -17,6 +17,7 @@ use crate::estimate::miswired::rewired::Rewired;
 use crate::estimate::observations::Observations;
 use crate::estimate::search::{StartSearch, anchored};
 use crate::estimate::suspicion::{Closes, Suspicion};
+use crate::numerics::order::Ends;
 use crate::readings::Readings;
 
 /// Rows by which followers may be late: one second at 30 rows a second.
@@ -60,14 +61,14 @@ impl Late<'_> {
         let two = (0..n).flat_map(|i| (i + 1..n).map(move |j| [i, j]));
         let all = two.flat_map(|[i, j]| (0..=FARTHEST).map(move |rows| [i, j, rows]));
         let left = |[i, j, rows]: [usize; 3]| self.apart(i, j, rows) + self.apart(j, i, rows);
-        all.map(|one| (left(one), one)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|best| best.1)
+        all.map(|one| (left(one), one)).least_by(|a| a.0).map(|best| best.1)
     }
 
     /// Rows by which the followers are late if none are exchanged.
     fn declared(&self) -> Option<usize> {
         let left = |rows| (0..self.pairs.len()).map(|i| self.apart(i, i, rows)).sum::<f64>();
         let all = (0..=FARTHEST).map(|rows| (left(rows), rows));
-        all.min_by(|a, b| a.0.total_cmp(&b.0)).map(|best| best.1)
+        all.least_by(|a| a.0).map(|best| best.1)
     }
 
     /// (158) of a leader and a follower.

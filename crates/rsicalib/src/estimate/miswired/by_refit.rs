@@ -14,6 +14,7 @@ use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::{Closes, Suspicion};
 use crate::model::{Instance, Model};
 use crate::numerics::order;
+use crate::numerics::order::Ends;
 use crate::terms::term::Role;
 
 /// Exchanges where no search for a start tries them, and what no gain can reverse.
@@ -103,6 +104,6 @@ pub(crate) fn in_other_unit(
         (fit.left < limit && is_evidence).then_some((fit.left, mistake))
     };
     let units = Mistake::units(observations).chain(Mistake::offsets(observations));
-    let found = units.filter_map(closes).min_by(|a, b| a.0.total_cmp(&b.0));
+    let found = units.filter_map(closes).least_by(|a| a.0);
     found.map(|(with, mistake)| mistake.suspicion(Closes { with, declared: left }))
 }

@@ -4,6 +4,8 @@
 //! No start leads to a good fit then. Each mistake is tried in turn: where the loop
 //! closes with it and with no other, it is named.
 
+use crate::numerics::order;
+use crate::numerics::order::Ends;
 use std::cmp::Ordering;
 
 use crate::estimate::miswired::again::{DECISIVE, LITTLE};
@@ -95,7 +97,7 @@ pub fn suspect(search: &StartSearch<'_>, best: f64) -> Option<Suspected> {
 
 /// The best of a few ends.
 fn best_of(ends: impl Iterator<Item = End>) -> Option<End> {
-    ends.min_by(|a, b| a.score.total_cmp(&b.score))
+    ends.least_by(|a| a.score)
 }
 
 /// The best fit in which gains have the other sign.
@@ -123,7 +125,7 @@ impl Turned {
         };
         let mut ends: Vec<(End, Vec<usize>)> = ends.into_iter().map(turned).collect();
         ends.retain(|(end, wrong)| !wrong.is_empty() && end.score.is_finite());
-        let best = ends.iter().min_by(|(a, _), (b, _)| a.score.total_cmp(&b.score));
+        let best = ends.iter().least_by(|(a, _)| a.score);
         if let Some((End { beta, score, .. }, wrong)) = best
             && let ([one], true) = (&wrong[..], *score < limit)
         {
@@ -230,8 +232,8 @@ impl Gap {
             return Some(Self { rows: at_end, shown: Shown::AtEnd });
         }
         let mut sorted: Vec<f64> = rows().map(read).collect();
-        sorted.sort_by(f64::total_cmp);
-        let widest = sorted.windows(2).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))?;
+        order::sort(&mut sorted);
+        let widest = sorted.windows(2).greatest_by(|a| a[1] - a[0])?;
         let (below, above) = (widest[0], widest[1]);
         if above - below < JUMP * (high - low) {
             return None;

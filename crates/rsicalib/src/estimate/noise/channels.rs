@@ -16,6 +16,7 @@
 //! declares no noise: `b_c` is then the derivative by that length. A length that declares its noise has
 //! what it declares until the same test says otherwise.
 
+use crate::numerics::order::Ends;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 
@@ -139,7 +140,7 @@ pub fn by_channel(
         let found = (0..seen.units.len())
             .filter(|&c| open(&variances, c))
             .filter(sure)
-            .max_by(|a, b| scores[*a].0.abs().total_cmp(&scores[*b].0.abs()));
+            .greatest_by(|a| scores[*a].0.abs());
         match found {
             Some(c) if variances.declared[c] => variances.declared[c] = false,
             // One channel less than there are says it all.
@@ -257,7 +258,7 @@ fn without_gross(groups: Vec<Group>) -> Vec<Group> {
     let known =
         |g: &Group| quantiles.iter().find(|q| q.0 == dof(g)).map_or((1.0, 1.0), |q| (q.1, q.2));
     let mut sizes: Vec<f64> = groups.iter().map(|g| size(g) / known(g).0).collect();
-    sizes.sort_by(f64::total_cmp);
+    order::sort(&mut sizes);
     let usual = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
     let sound = |g: &Group| size(g) <= usual * known(g).1;
     let gross = groups.iter().filter(|g| !sound(g)).count();

@@ -12,6 +12,7 @@
 //! Neighbouring samples may resemble each other; what that does to the mean of a pose
 //! is said in `noise/correlation.rs`.
 
+use crate::numerics::order;
 use std::f64::consts::PI;
 
 use crate::estimate::noise::correlation::correlated;
@@ -118,7 +119,7 @@ impl Groups {
                 within / distributions::chi2_quantile(0.5, dof.max(1) as f64)
             })
             .collect();
-        sizes.sort_by(f64::total_cmp);
+        order::sort(&mut sizes);
         sizes.get(sizes.len() / 2).copied().unwrap_or(1.0)
     }
 

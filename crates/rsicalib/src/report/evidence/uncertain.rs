@@ -7,6 +7,7 @@
 //! cov place = M R Mᵀ,    corr(parameters, uᵀ place) = R Mᵀ u / √(uᵀ M R Mᵀ u)
 //! ```
 
+use crate::numerics::order::Ends;
 use faer::Mat;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
@@ -66,7 +67,7 @@ impl Uncertain {
         let with = |i: usize| (0..n).map(|j| self.correlation[(i, j)] * shifts[j]).sum::<f64>();
         let variance: f64 = (0..n).map(|i| shifts[i] * with(i)).sum();
         let found = (0..n).map(|i| (i, with(i) / variance.sqrt()));
-        found.filter(|(_, r)| r.is_finite()).max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+        found.filter(|(_, r)| r.is_finite()).greatest_by(|a| a.1.abs())
     }
 }
 

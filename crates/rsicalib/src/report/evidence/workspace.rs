@@ -4,6 +4,7 @@
 //! else is drawn at random within the limits of its joints; a cell is the root mean square over all
 //! that lies behind it. Nothing moves: each is a held pose.
 
+use crate::numerics::order::Ends;
 use nalgebra::Vector3;
 
 use crate::Error;
@@ -305,12 +306,10 @@ impl Places {
         sd: &[f64],
     ) -> Option<Weakest> {
         let finite = (0..sd.len()).filter(|&row| sd[row].is_finite() && sd[row] > 0.0);
-        let row = finite.max_by(|&a, &b| sd[a].total_cmp(&sd[b]))?;
+        let row = finite.greatest_by(|&a| sd[a])?;
         let of = |k: &usize| principal(&known.covariance(row * all + k));
-        let longer = |a: &(usize, Vector3<f64>), b: &(usize, Vector3<f64>)| {
-            a.1.norm().total_cmp(&b.1.norm())
-        };
-        let (point, along) = points.iter().map(|k| (row * all + k, of(k))).max_by(longer)?;
+        let each = points.iter().map(|k| (row * all + k, of(k)));
+        let (point, along) = each.greatest_by(|(_, along)| along.norm())?;
         let (parameter, correlation) = known.goes_with(point, &along.normalize())?;
         let name = parameter_names(observations, fit).into_iter().nth(parameter)?;
         Some(Weakest {

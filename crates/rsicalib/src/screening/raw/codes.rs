@@ -1,5 +1,6 @@
 //! Channels that stand still, faults of converters, ends of ranges.
 
+use crate::numerics::order;
 use crate::screening::converter::of_codes;
 use crate::screening::fault::FaultKind;
 use crate::screening::raw::rows::{Raw, SESSION};
@@ -18,7 +19,7 @@ pub(super) fn constant_channels(raw: &Raw<'_>) -> Vec<Suspect> {
     let still: Vec<usize> = (0..raw.channels.len()).filter(stands).collect();
     let moves = |c: usize| {
         let mut readings: Vec<f64> = raw.column(c).collect();
-        readings.sort_by(f64::total_cmp);
+        order::sort(&mut readings);
         readings.dedup();
         readings.len() >= MOVES.min(raw.poses.len())
     };

@@ -1,5 +1,6 @@
 //! Held poses that moved while they were sampled.
 
+use crate::numerics::order::Ends;
 use std::ops::Range;
 
 use crate::numerics::median::median;
@@ -41,7 +42,7 @@ pub(super) fn moved_poses(raw: &Raw<'_>) -> Vec<Suspect> {
         // Of what never changes, no scatter is far.
         let excess = |c: usize| if own[c] == 0.0 { 0.0 } else { own[c] / typical[c] / limit };
         // The first of those that are equally far.
-        let channel = channels.clone().rev().max_by(|&a, &b| excess(a).total_cmp(&excess(b)))?;
+        let channel = channels.clone().rev().greatest_by(|&a| excess(a))?;
         let others = channels.clone().filter(|&c| c != channel && excess(c) > 1.0).count();
         let (row, scatter, typical) = (pose.start, own[channel], typical[channel]);
         let moved = Suspect::MovedPose { row, channel, scatter, typical, others };

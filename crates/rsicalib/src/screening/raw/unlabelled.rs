@@ -1,5 +1,7 @@
 //! Rows without labels that repeat held poses: told by the numbers of the samples, or by the readings.
 
+use crate::numerics::order;
+use crate::numerics::order::Ends;
 use std::ops::Range;
 
 use crate::screening::raw::poses::resolution;
@@ -125,10 +127,10 @@ impl Steps {
     /// steps are beside the jump of an encoder that begins a turn anew, or of a recording that was interrupted.
     fn jumps(&self, raw: &Raw<'_>, finest: f64) -> Option<Vec<usize>> {
         let mut sizes = self.0.clone();
-        sizes.sort_by(f64::total_cmp);
+        order::sort(&mut sizes);
         let times = |k: usize| sizes[k].max(finest) / sizes[k - 1].max(finest);
         // The first of those that are equally large.
-        let at = (1..sizes.len()).rev().max_by(|&a, &b| times(a).total_cmp(&times(b)))?;
+        let at = (1..sizes.len()).rev().greatest_by(|&a| times(a))?;
         let begins: Vec<usize> =
             (1..=self.0.len()).filter(|&row| self.0[row - 1] >= sizes[at]).collect();
         // Noise goes to and fro: it does not reach further than twice its largest step.
@@ -163,7 +165,7 @@ impl Steps {
             };
             let spans = raw.spans();
             let reached = spans.iter().enumerate().filter_map(reach);
-            let Some((reach, c, whole)) = reached.rev().max_by(|a, b| a.0.total_cmp(&b.0)) else {
+            let Some((reach, c, whole)) = reached.rev().greatest_by(|a| a.0) else {
                 return false;
             };
             let steps = groups().flat_map(|group| {

@@ -16,13 +16,14 @@ mod refined;
 mod shapes;
 mod sums;
 
+use crate::numerics::order::Ends;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnosis::price::{Data, charge};
-use crate::diagnosis::unknown_law::evidence::{Basis, Column, Errors};
+use crate::diagnosis::unknown_law::evidence::{Column, Errors};
 use crate::diagnosis::unknown_law::formula::refined::refine;
 use crate::diagnosis::unknown_law::formula::shapes::{Kind, Named, Product, Span, products};
 pub(super) use crate::diagnosis::unknown_law::formula::sums::SMALL;
@@ -95,7 +96,7 @@ pub(super) fn written(
             price(fall, sum.of.len(), moved)
         })
     });
-    let best = refined.min_by(|a, b| a.price.total_cmp(&b.price))?;
+    let best = refined.least_by(|a| a.price)?;
     let weight = |price: f64| (-0.5 * (price - best.price)).exp();
     let most = sums.iter().map(|sum| sum.fall).fold(0.0, f64::max);
     // Nearly all sums are far less likely: they are not priced.
@@ -154,8 +155,7 @@ impl Columns<'_> {
         let each: Vec<Vec<f64>> = products.iter().map(|one| one.values(self.named)).collect();
         let samples = self.errors.square.len();
         let values = (0..samples).flat_map(|p| each.iter().map(move |of| of[p] / self.gain));
-        let basis = Basis { degrees: vec![1.0; m], values: values.collect() };
-        let (square, gradient) = self.errors.normal(&basis);
+        let (square, gradient) = self.errors.normal_of(m, values.collect());
         // `Σ a²`, before what is fitted takes its part.
         let plain = |of: &[f64]| -> f64 {
             let each = of.iter().zip(&self.errors.square);

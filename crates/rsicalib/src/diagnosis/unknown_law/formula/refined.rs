@@ -1,6 +1,7 @@
 //! Numbers inside the products of a sum, moved to where it explains most.
 
 use crate::diagnosis::unknown_law::formula::shapes::{Product, Span};
+use crate::numerics::order::Ends;
 use crate::numerics::search::highest;
 
 /// Values of a number that are tried, evenly over its range, before what is about the best of them.
@@ -41,7 +42,7 @@ pub(super) fn refine(
     loop {
         let places = places(&best.products, spans).into_iter().filter(|p| !moved.contains(p));
         let each = places.map(|place| (moves.along(&best, place, best.moved + 1), place));
-        let Some((next, place)) = each.min_by(|a, b| a.0.price.total_cmp(&b.0.price)) else {
+        let Some((next, place)) = each.least_by(|a| a.0.price) else {
             break;
         };
         if next.price >= best.price {
@@ -144,7 +145,7 @@ fn places(products: &[Product], spans: &[Span]) -> Vec<Place> {
 fn cheapest([low, high]: [f64; 2], price: &dyn Fn(f64) -> f64) -> f64 {
     let step = (high - low) / TRIED as f64;
     let grid = (0..=TRIED).map(|k| low + step * k as f64).map(|value| (price(value), value));
-    let Some((least, best)) = grid.min_by(|a, b| a.0.total_cmp(&b.0)) else { return low };
+    let Some((least, best)) = grid.least_by(|a| a.0) else { return low };
     let (about, found) = highest(|value| -price(value), [best - step, best + step]);
     if -found < least { about } else { best }
 }
