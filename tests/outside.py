@@ -71,7 +71,8 @@ simulator's own. [The search](search.md) says how such a law is weighed beside w
   the session is traced again, and points at check poses are at most {grew} times as far off as with
   a calibration that knows the law, and not how large it is.
 - *error after above that before*: points at check poses are {grew} times worse than those of a
-  calibration without what was found.
+  calibration without what was found. Numbers that are estimated err, also those of the right
+  effect: so do those of a calibration that knows it, and not how large it is.
 - *links and distances*: the same of machines of which a link, or a distance, is longer by such a
   law of one or two joints.
 - *left out*: the catalogue's own effects, the term that describes them taken out of the search.
@@ -185,6 +186,8 @@ class Told:
     """Error with the law that was found over that of the truth's own fit; zero without a law."""
     by_formula: float
     """The same over that before."""
+    known: float
+    """Error of a calibration that knows the effect, and not how large it is; zero without one."""
     more: float
     """By how much more χ² is left with the law that was found than by the truth's own fit."""
     by_law: bool
@@ -207,6 +210,11 @@ class Told:
     def worse(self) -> bool:
         """Whether the error grew."""
         return self.after > GREW * self.before
+
+    @property
+    def known_worse(self) -> bool:
+        """Whether the error grew with a calibration that knows the effect."""
+        return self.known > GREW * self.before
 
 
 def law_of(device: Device, rng: Rng) -> tuple[Effect, frozenset[str]]:
@@ -345,11 +353,14 @@ def run(asked: tuple[str, str, int], seed: int, pastes: bool = True) -> Told:
     result = found.to_dict()
     fits = (calibrate(readings, mechanism), found)
     errors = [error_of(case, mechanism, fit) for fit in fits]
-    told = by_formula = more = 0.0
+    told = by_formula = more = known = 0.0
+    if pastes and draws is not None:
+        known, left = of_truth(case, mechanism, draws)
+    elif pastes and (fit := trials.truly(case, mechanism, readings)) is not None:
+        known = error_of(case, mechanism, fit)
     if pastes and draws is not None and (law := pasted(case, found)):
         error = error_of(case, *law)
-        least, left = of_truth(case, mechanism, draws)
-        told = error / max(least, 1e-12)
+        told = error / max(known, 1e-12)
         more = law[1].to_dict()["after"]["chi2"] - left
         by_formula = error / max(errors[0], 1e-12)
     steps = result["steps"]
@@ -376,6 +387,7 @@ def run(asked: tuple[str, str, int], seed: int, pastes: bool = True) -> Told:
         seconds=it.seconds,
         told=told,
         by_formula=by_formula,
+        known=known,
         more=more,
         by_law="unknown_law" in {reason["kind"] for reason in result.get("reasons") or ()},
     )
@@ -433,8 +445,24 @@ def table(rows: Sequence[Told]) -> list[tuple[str, str]]:
     """What is counted, and how often."""
     own = {kind: [r for r in rows if r.kind == kind] for kind in KINDS}
     law, built_, out_of = own["outside"], own["built"], own["left_out"]
+
+    def grew(kind: str) -> list[tuple[str, str]]:
+        """How often errors grew, beside what a calibration does that knows the effect."""
+        all_ = own[kind]
+        return [
+            (f"{CALLED[kind]}error after above that before", cell([r.worse for r in all_])),
+            (
+                f"{CALLED[kind]}the same of a calibration that knows the effect",
+                cell([r.known_worse for r in all_ if r.known > 0.0]),
+            ),
+        ]
+
     out = [
         ("place right", cell([r.blamed for r in law])),
+        (
+            "the same, of those that are not adequate",
+            cell([r.blamed for r in law if r.verdict != "adequate"]),
+        ),
         ("variables right, or a tie that holds the right one", cell([r.variables for r in law])),
         ("a formula is told", cell([r.told > 0 for r in law])),
         (
@@ -462,17 +490,14 @@ def table(rows: Sequence[Told]) -> list[tuple[str, str]]:
             "the same, and no drift for a path travelled, nor hysteresis for play",
             cell([r.wrong and not r.over_the_same for r in law]),
         ),
-        ("platform error after above that before", cell([r.worse for r in law])),
+        *grew("outside"),
         ("links and distances: place right", cell([r.blamed for r in built_])),
         ("links and distances: variables right, or a tie", cell([r.variables for r in built_])),
         ("links and distances: explained, no tie told", cell([r.wrong for r in built_])),
-        ("links and distances: error after above that before", cell([r.worse for r in built_])),
+        *grew("built"),
         ("catalogue singles named and explained", cell([r.named for r in own["single"]])),
         ("catalogue singles: the unknown law ties", cell([LAW in r.ties for r in own["single"]])),
-        (
-            "catalogue singles: error after above that before",
-            cell([r.worse for r in own["single"]]),
-        ),
+        *grew("single"),
         (
             "left out: explained by another class or place, no tie told",
             cell([r.wrong for r in out_of]),
@@ -512,6 +537,8 @@ def page(rows: Sequence[Told], command: str) -> str:
     return "\n".join([*lines, ""])
 
 
+CALLED = {"outside": "", "built": "links and distances: ", "single": "catalogue singles: "}
+"""What rows of a kind begin with."""
 COLUMNS = ("blamed", "variables", "wrong", "worse")
 """What is counted of each family."""
 

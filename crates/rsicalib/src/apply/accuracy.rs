@@ -250,12 +250,12 @@ impl Wanted<'_> {
             let sensors = fit.noise.sigma.len();
             let known = if self.known == [0.0; 2] { 0 } else { each };
             let noisy = |(pose, samples): (usize, &f64)| {
+                // Samples that resemble their neighbours average out less, (64).
+                let share = (fit.noise.inflation.min(*samples) / samples).sqrt();
                 DMatrix::from_fn(each, sensors + known, |row, c| {
                     let (i, unit) = of[row];
                     let own = match c.checked_sub(sensors) {
-                        None => {
-                            slopes[pose].by_reading[(i, c)] * fit.noise.sigma[c] / samples.sqrt()
-                        }
+                        None => slopes[pose].by_reading[(i, c)] * fit.noise.sigma[c] * share,
                         Some(k) if k == row => self.known[usize::from(row >= coordinates[0].len())],
                         Some(_) => 0.0,
                     };

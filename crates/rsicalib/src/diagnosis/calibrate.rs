@@ -9,7 +9,7 @@ use crate::diagnosis::options::SearchOptions;
 use crate::diagnosis::plausibility::absurdities;
 use crate::diagnosis::score::scored;
 use crate::diagnosis::sent::closing_as_sent;
-use crate::diagnosis::trace::{looks_bad, lower, trace};
+use crate::diagnosis::trace::{looks_bad, trace};
 use crate::estimate::{Fit, Method, Observations, fit, with_groups};
 use crate::model::Instance;
 use crate::screening::converter;
@@ -42,7 +42,7 @@ pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
     let coded = fit(observations, observations.instances()?, None)?;
     let sent = closing_as_sent(observations, &coded);
     let observations = sent.as_ref().unwrap_or(observations);
-    let mut all = match &sent {
+    let all = match &sent {
         Some(sent) => fit(sent, sent.instances()?, None)?,
         None => coded,
     };
@@ -51,16 +51,11 @@ pub fn calibrate(observations: &Observations) -> Result<Calibrated, Error> {
         return Ok(whole(observations, all));
     }
     let mut rest = observations.clone();
-    let (mut clean, mut excluded) = sound(&mut rest, &all, Kept::Nothing)?;
+    let (clean, excluded) = sound(&mut rest, &all, Kept::Nothing)?;
     // Points that are touched are judged by placement.
     let searched = all.model.unknowns.is_empty() && observations.readings.poses() <= MOST_POSES;
     if searched && looks_bad(&rest, &clean)? {
         let traced = trace(observations, &SearchOptions::default())?;
-        if let Some(lower) = lower(observations, &all, &traced.after)? {
-            all = lower;
-            rest = observations.clone();
-            (clean, excluded) = sound(&mut rest, &all, Kept::Nothing)?;
-        }
         let data: Vec<Instance> =
             traced.after.model.instances.iter().copied().filter(scored::is_data).collect();
         if !traced.excluded.is_empty() {

@@ -101,15 +101,16 @@ pub struct Elsewhere {
     pub found: Option<f64>,
 }
 
-/// Errors on blocks left out of a session that was traced, and of each effect that is not applied why; none where
-/// nothing was found, or where nothing that is touched is unknown and there is one session.
+/// Of each effect that is not applied why, and errors on blocks left out of a session that was traced; none where nothing
+/// was found, or where nothing that is touched is unknown and there is one session. Where what is left of the blocks
+/// determines no fit there are no errors, and nothing says more of an effect than one placement does.
 #[must_use]
 pub fn elsewhere(
     traced: &Traced,
     search: &SearchOptions,
     residual: &Residual,
-) -> Option<(Elsewhere, Vec<Option<NotApplied>>)> {
-    let Traced { observations, before, after, found, stretches, .. } = traced;
+) -> Option<(Option<Elsewhere>, Vec<Option<NotApplied>>)> {
+    let Traced { observations, after, found, stretches, .. } = traced;
     // Where every pose has a place of its own, poses left out say it.
     let placed = !after.model.unknowns.is_empty() && after.model.pose_unknowns() == 0;
     let grouped = placed || observations.readings.sessions > 1;
@@ -117,71 +118,124 @@ pub fn elsewhere(
         return None;
     }
     let (kind, blocks) = blocks(observations, after);
-    let bad: Vec<Instance> =
-        after.model.instances.iter().copied().filter(scored::is_data).collect();
-    let asked = before.model.instances.iter().copied().filter(|i| !traced.offsets.contains(i));
-    let base: Vec<Instance> = asked.chain(bad).collect();
+    let left = Left { observations, noise: traced.before.assumed(), blocks };
     let effects: Vec<Instance> = found.iter().map(|f| traced.in_all(&f.instance)).collect();
-    let left = Left { observations, noise: before.assumed(), blocks };
-    let with = |some: &[bool]| {
-        let chosen = effects.iter().zip(some).filter(|(_, some)| **some).map(|(i, _)| *i);
-        let instances: Vec<Instance> = base.iter().copied().chain(chosen).collect();
-        Some(left.error(|training| fit(training, instances.clone(), Some(after)).ok())?.0)
-    };
     let given: Vec<bool> = effects.iter().map(|effect| !left.tells(effect)).collect();
     if given.iter().all(|given| *given) {
         return None;
     }
-    let without = with(&given)?;
-    let again = match kind {
-        Blocks::Groups => Some(left.error(|training| searched(training, search, effects.len()))?),
-        Blocks::Workspace => None,
-    };
     let noise = matches!(residual, Residual::Noise { .. } | Residual::Unjudged { .. });
     let understood = noise || may_be_louder(traced);
-    let not = |effect: &Instance, one: &Found| match &again {
-        Some((again, found)) => {
-            let finds = |fit: &Fit| fit.model.instances.contains(effect);
-            (*again > WORSE * without && !found.iter().all(finds)).then_some(NotApplied::NoHelp)
-        }
-        None => at_one_placement(traced, one, understood),
-    };
-    let reasons = effects.iter().zip(found).zip(&given);
-    let mut reasons: Vec<Option<NotApplied>> = reasons
-        .map(|((effect, one), given)| if *given { None } else { not(effect, one) })
-        .collect();
-    let all = vec![true; effects.len()];
-    let without_one = |some: &[bool], k: usize| {
+    let alone = |one: &Found| at_one_placement(traced, one, understood);
+    let judged = (Judged { traced, search, left, effects, given: &given, kind }).reasons(&alone);
+    let reasons = found.iter().zip(&given).map(|(one, given)| match *given || search.apply_all {
+        true => None,
+        false => alone(one),
+    });
+    Some(match judged {
+        Some((errors, reasons)) => (Some(errors), reasons),
+        None => (None, reasons.collect()),
+    })
+}
+
+/// Effects that are judged by blocks left out.
+struct Judged<'a> {
+    traced: &'a Traced,
+    search: &'a SearchOptions,
+    left: Left<'a>,
+    effects: Vec<Instance>,
+    /// Which of the effects no block can tell.
+    given: &'a [bool],
+    kind: Blocks,
+}
+
+impl Judged<'_> {
+    /// Error on the blocks with some of the effects; none where that cannot be fitted without a block.
+    fn with(&self, some: &[bool]) -> Option<f64> {
+        let Traced { before, after, offsets, .. } = self.traced;
+        let asked = before.model.instances.iter().filter(|i| !offsets.contains(i));
+        let bad = after.model.instances.iter().filter(|i| scored::is_data(i));
+        let chosen = self.effects.iter().zip(some).filter(|(_, some)| **some).map(|(i, _)| i);
+        let instances: Vec<Instance> = asked.chain(bad).chain(chosen).copied().collect();
+        let one = |training: &Observations| fit(training, instances.clone(), Some(after)).ok();
+        Some(self.left.error(one)?.0)
+    }
+
+    /// The same without one of some effects, and the others.
+    fn without_one(&self, some: &[bool], k: usize) -> Option<(f64, Vec<bool>)> {
         let mut fewer = some.to_vec();
         fewer[k] = false;
-        Some((with(&fewer)?, fewer))
-    };
-    let each: Option<Vec<f64>> =
-        (0..effects.len()).map(|k| Some(without_one(&all, k)?.0)).collect();
-    let (each, found) = (each?, with(&all)?);
-    if search.apply_all {
-        reasons.fill(None);
+        Some((self.with(&fewer)?, fewer))
     }
-    let mut applies: Vec<bool> = reasons.iter().map(Option::is_none).collect();
-    let mut applied = with(&applies)?;
-    // The effect without which most is gained goes first.
-    let mut order: Vec<usize> = (0..effects.len()).filter(|k| applies[*k] && !given[*k]).collect();
-    order::ascending(&mut order, |a| each[*a]);
-    for k in order.into_iter().filter(|_| !search.apply_all) {
-        let (error, fewer) = without_one(&applies, k)?;
-        if error <= applied {
-            (applied, applies, reasons[k]) = (error, fewer, Some(NotApplied::NoHelp));
+
+    /// Errors on the blocks, and why each effect is not applied; `alone` is why not by one placement.
+    fn reasons(
+        self,
+        alone: &dyn Fn(&Found) -> Option<NotApplied>,
+    ) -> Option<(Elsewhere, Vec<Option<NotApplied>>)> {
+        let Self { traced, search, ref left, ref effects, given, kind } = self;
+        let without = self.with(given)?;
+        let again = match kind {
+            Blocks::Groups => {
+                Some(left.error(|training| searched(training, search, effects.len()))?)
+            }
+            Blocks::Workspace => None,
+        };
+        let not = |effect: &Instance, one: &Found| match &again {
+            Some((again, found)) => {
+                let finds = |fit: &Fit| fit.model.instances.contains(effect);
+                (*again > WORSE * without && !found.iter().all(finds)).then_some(NotApplied::NoHelp)
+            }
+            None => alone(one),
+        };
+        let reasons = effects.iter().zip(&traced.found).zip(given);
+        let mut reasons: Vec<Option<NotApplied>> = reasons
+            .map(|((effect, one), given)| if *given { None } else { not(effect, one) })
+            .collect();
+        let all = vec![true; effects.len()];
+        let each: Option<Vec<f64>> =
+            (0..effects.len()).map(|k| Some(self.without_one(&all, k)?.0)).collect();
+        let (each, found) = (each?, self.with(&all)?);
+        if search.apply_all {
+            reasons.fill(None);
         }
+        let applied = self.helping(&mut reasons, &each, without)?;
+        let observations = left.observations;
+        let (blocks, unit) = (left.blocks.len(), observations.mechanism.length_unit.clone());
+        let (again, without_each, found) = (again.map(|(again, _)| again), each, Some(found));
+        Some((
+            Elsewhere { kind, blocks, without, again, applied, found, without_each, unit },
+            reasons,
+        ))
     }
-    if applied >= without && !search.apply_all {
-        applied = without;
-        for (reason, _) in reasons.iter_mut().zip(&given).filter(|(_, given)| !**given) {
-            reason.get_or_insert(NotApplied::NoHelp);
+
+    /// Leaves out effects that do not help, the one without which most is gained first; the error with the others.
+    fn helping(
+        &self,
+        reasons: &mut [Option<NotApplied>],
+        each: &[f64],
+        without: f64,
+    ) -> Option<f64> {
+        let Self { search, given, .. } = self;
+        let mut applies: Vec<bool> = reasons.iter().map(Option::is_none).collect();
+        let mut applied = self.with(&applies)?;
+        let mut order: Vec<usize> =
+            (0..applies.len()).filter(|k| applies[*k] && !given[*k]).collect();
+        order::ascending(&mut order, |a| each[*a]);
+        for k in order.into_iter().filter(|_| !search.apply_all) {
+            let (error, fewer) = self.without_one(&applies, k)?;
+            if error <= applied {
+                (applied, applies, reasons[k]) = (error, fewer, Some(NotApplied::NoHelp));
+            }
         }
+        if applied >= without && !search.apply_all {
+            applied = without;
+            for (reason, _) in reasons.iter_mut().zip(*given).filter(|(_, given)| !**given) {
+                reason.get_or_insert(NotApplied::NoHelp);
+            }
+        }
+        Some(applied)
     }
-    let (blocks, unit) = (left.blocks.len(), observations.mechanism.length_unit.clone());
-    let (again, without_each, found) = (again.map(|(again, _)| again), each, Some(found));
-    Some((Elsewhere { kind, blocks, without, again, applied, found, without_each, unit }, reasons))
 }
 
 /// Why nothing says that an effect which was seen at one placement alone is there at another.

@@ -6,7 +6,7 @@
 //! (113): of the first each pose that is left out is an item, a pose that is wrong.
 
 use crate::diagnosis::plausibility::absurdities;
-use crate::diagnosis::price::{Family, charge, of_places, prior};
+use crate::diagnosis::price::{Family, charge, less, of_places, prior};
 use crate::diagnosis::score::places::wrong_readings;
 use crate::diagnosis::trace::Pursued;
 use crate::model::Instance;
@@ -41,7 +41,7 @@ impl Pursued<'_> {
         let small = &whole.searched.averaged.small;
         let equations = self.clean.residuals.equations;
         let poses = self.left_out().count() as f64;
-        let each = (whole.clean.cost() - self.clean.cost()).max(0.0) / poses;
+        let each = less(whole.clean.cost(), self.clean.cost()) / poses;
         let rows = small.readings.samples;
         let places = wrong_readings(small, equations, rows) / prior(Family::Bad);
         poses * (charge(equations as f64, each) + of_places(places))

@@ -4,7 +4,7 @@ use crate::diagnosis::doubt::{Doubted, doubt};
 use crate::diagnosis::isolation::{belongs, taken_up};
 use crate::diagnosis::location::{Location, location};
 use crate::diagnosis::options::LEVEL;
-use crate::diagnosis::score::scored;
+use crate::diagnosis::score::scored::{self, Scored};
 use crate::diagnosis::search::noise::scatter;
 use crate::diagnosis::trace::Traced;
 use crate::diagnosis::unknown_law::UnknownLaw;
@@ -13,6 +13,7 @@ use crate::mechanism::Target;
 use crate::model::Instance;
 use crate::numerics::credible_set::{AS_WELL, SURE, probabilities};
 use crate::numerics::order::Ends;
+use crate::terms::term::Needs;
 
 /// What is left of the residual.
 #[derive(Debug, Clone, PartialEq)]
@@ -170,9 +171,11 @@ pub(crate) fn may_be_louder(traced: &Traced) -> bool {
 }
 
 /// The effect that came nearest to being named, where chance makes such a one in less
-/// than half of all sessions.
+/// than half of all sessions. What follows how readings change is near by their noise, which is in both.
 fn nearest(traced: &Traced) -> Option<(Instance, f64)> {
-    let near = traced.left.filter(|s| s.corrected < 0.5 && !scored::is_data(&s.instance));
+    let moves = |s: &Scored| s.instance.term.needs().contains(&Needs::Motion);
+    let may = |s: &Scored| s.corrected < 0.5 && !scored::is_data(&s.instance) && !moves(s);
+    let near = traced.left.filter(may);
     near.map(|s| (s.instance, s.corrected))
 }
 

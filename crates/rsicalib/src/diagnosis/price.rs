@@ -183,6 +183,7 @@ impl Data {
     pub fn of(&self, chi2: f64) -> f64 {
         let d = self.dof.max(1.0);
         match self.scale {
+            _ if chi2.is_nan() => f64::NAN,
             Scale::Known(nu) if nu.is_finite() => (nu + d) * (chi2 / nu).ln_1p(),
             Scale::Declared | Scale::Bound if chi2 > d => d * (1.0 + (chi2 / d).ln()),
             Scale::Bound => d,
@@ -206,8 +207,14 @@ impl Data {
     /// By how much that falls where χ² does by a score.
     #[must_use]
     pub fn fall(&self, chi2: f64, score: f64) -> f64 {
-        self.of(chi2) - self.of((chi2 - score).max(0.0))
+        self.of(chi2) - self.of(less(chi2, score))
     }
+}
+
+/// What is left of χ² where a part falls: not less than nothing; a part that is no number leaves none.
+#[must_use]
+pub fn less(chi2: f64, fall: f64) -> f64 {
+    (chi2 - fall).clamp(0.0, f64::INFINITY)
 }
 
 /// What readings say of a fit.
@@ -232,7 +239,7 @@ impl Said {
     #[must_use]
     pub fn scale(&self, score: f64) -> f64 {
         match self.larger_noise {
-            true => self.data.slope((self.chi2 - score).max(0.0)),
+            true => self.data.slope(less(self.chi2, score)),
             false => 1.0,
         }
     }
@@ -242,6 +249,16 @@ impl Said {
 mod tests {
     use super::{Data, Scale, in_steps};
     use crate::numerics::order;
+
+    #[test]
+    fn an_explanation_without_a_number_has_no_price() {
+        let all = [Scale::Known(9.0), Scale::Known(f64::INFINITY), Scale::Declared, Scale::Bound];
+        for scale in all.into_iter().chain([Scale::Fitted]) {
+            let data = Data { scale, dof: 9.0 };
+            assert!(data.of(f64::NAN).is_nan() && data.fall(40.0, f64::NAN).is_nan(), "{scale:?}");
+            assert!(data.fall(40.0, 50.0).is_finite(), "{scale:?}");
+        }
+    }
 
     #[test]
     fn what_rounding_alone_tells_apart_stays_in_its_order() {

@@ -31,9 +31,8 @@ use crate::estimate::at_fit::AtFit;
 use crate::estimate::directions::directions;
 use crate::estimate::miswired::DECISIVE;
 use crate::estimate::progress::Stage;
-use crate::estimate::significance::NORMAL_95;
 use crate::estimate::suspicion::Suspicion;
-use crate::estimate::{Fit, Observations, begun_at, fit, with_conventions, with_groups};
+use crate::estimate::{Fit, Observations, fit, with_conventions, with_groups};
 use crate::mechanism::Target;
 use crate::model::{Instance, Model};
 use crate::numerics::credible_set::AS_WELL;
@@ -376,47 +375,13 @@ fn pursue<'a>(
     Ok(Pursued { observations, clean, excluded, base, late, searched, lost })
 }
 
-/// Times that a session is searched again from a lower minimum, at the most.
-const BEGUN_AGAIN: usize = 3;
-
-/// The search and what comes of it; and whether its fit was absurd before it began. Where readings that look wrong are
-/// so by the minimum that the fit had found, another one is searched.
+/// The search and what comes of it; and whether its fit was absurd before it began.
 fn explain(
     all: &Observations,
     search: &SearchOptions,
     wanted: Scope,
 ) -> Result<(Traced, bool), Error> {
-    let mut explained = explain_from(fit(all, all.instances()?, None)?, all, search, wanted)?;
-    for _ in 0..BEGUN_AGAIN {
-        let Traced { before, after, excluded, .. } = &explained.0;
-        let lower = if excluded.is_empty() { None } else { lower(all, before, after)? };
-        let Some(lower) = lower else { break };
-        explained = explain_from(lower, all, search, wanted)?;
-    }
-    Ok(explained)
-}
-
-/// The fit of all readings begun where one without those that look wrong ended, where it leaves less than `before` by
-/// more than chance.
-///
-/// # Errors
-///
-/// As [`fit`].
-pub(super) fn lower(all: &Observations, before: &Fit, without: &Fit) -> Result<Option<Fit>, Error> {
-    if !before.noise.judges() {
-        return Ok(None);
-    }
-    let again = begun_at(all, without)?;
-    Ok((again.cost() + NORMAL_95 * NORMAL_95 < before.cost()).then_some(again))
-}
-
-/// The same from a fit of all readings.
-fn explain_from(
-    before: Fit,
-    all: &Observations,
-    search: &SearchOptions,
-    wanted: Scope,
-) -> Result<(Traced, bool), Error> {
+    let before = fit(all, all.instances()?, None)?;
     let mistaken = is_miswired(all, &before);
     let wanted = if mistaken { Scope::Nothing } else { wanted };
     let screened = pursue(all, &before, search, wanted, Kept::Once)?;

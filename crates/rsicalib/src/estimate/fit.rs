@@ -106,16 +106,6 @@ pub fn fit(
     }
 }
 
-/// The fit of what is asked for, begun at the parameters of another; what is unknown in a pose is looked for anew.
-///
-/// # Errors
-///
-/// As [`fit`].
-pub(crate) fn begun_at(observations: &Observations, from: &Fit) -> Result<Fit, Error> {
-    let from = Fit { adjusted: None, ..from.clone() };
-    fit(observations, observations.instances()?, Some(&from))
-}
-
 /// A start where an earlier fit ended.
 fn after(fit: &Fit, model: &Model) -> Start {
     Start {

@@ -198,6 +198,8 @@ pub(super) fn minimum(
     let kept = observations.is_long().then(|| channels::rows_looked_at(&rounds.groups));
     let mut beta = start.beta.clone();
     let earlier = start.adjusted.as_ref().and_then(|it| it.of(readings));
+    // Where an earlier fit has looked for what is unknown in a pose, its places are near.
+    let crosses = !judged || earlier.is_none();
     let mut adjusted = earlier.map(<[Lanes]>::to_vec);
     let mut answer = None;
     for round in 0..ROUNDS {
@@ -209,7 +211,8 @@ pub(super) fn minimum(
         }
         let problem = Implicit::new(parts, &all).from(adjusted.take());
         let problem = if judged { problem.coarse() } else { problem };
-        let mut outcome = least(observations, (&problem, &all), part, &beta, &start.beta)?;
+        let mut outcome =
+            least(observations, (&problem, &all), part, [&beta, &start.beta], crosses)?;
         beta.clone_from(&outcome.x);
         let problem = problem.precise();
         if judged {
@@ -259,8 +262,8 @@ fn least(
     observations: &Observations,
     (problem, priors): (&Implicit, &[Prior]),
     part: Part,
-    beta: &[f64],
-    start: &[f64],
+    [beta, start]: [&[f64]; 2],
+    crosses: bool,
 ) -> Result<lm::Outcome, Error> {
     let (options, progress) = (&observations.options, &observations.options.progress);
     let ptol = if observations.judged { ENOUGH } else { options.lm.ptol };
@@ -277,7 +280,7 @@ fn least(
     };
     progress.goes_on()?;
     let outcome = match options.method {
-        Method::ImplicitLoop if !observations.judged => crossed(problem, part.model, outcome, &lm),
+        Method::ImplicitLoop if crosses => crossed(problem, part.model, outcome, &lm),
         _ => outcome,
     };
     let outcome = unwound(problem, part.model, outcome, &lm);

@@ -8,6 +8,7 @@ use crate::mechanism::{Closure, Mechanism, Value};
 use crate::model::{Instance, Model, assembly, check_names};
 use crate::readings::{Readings, Table, as_of, codes};
 use crate::terms::term::Role;
+use crate::text::brief;
 
 /// Readings of a mechanism with what is known of them: a rest pose, weights, options.
 #[derive(Debug, Clone)]
@@ -235,7 +236,12 @@ impl Observations {
     /// Checks what may have been changed since these observations were made.
     pub(crate) fn check(&self) -> Result<(), Error> {
         self.options.check_for(self.mechanism.channels.len())?;
-        Error::same("weights", self.weights.len(), self.readings.samples)
+        Error::same("weights", self.weights.len(), self.readings.samples)?;
+        let usable = |weight: &f64| weight.is_finite() && *weight >= 0.0;
+        match self.weights.iter().find(|weight| !usable(weight)) {
+            Some(weight) => Err(Error::option("weights", brief(*weight), "numbers not below 0")),
+            None => Ok(()),
+        }
     }
 
     /// Variance of the rounding of each channel.

@@ -28,8 +28,9 @@ impl Shape {
 
     /// True where two results of different dates are between the same jumps.
     pub(super) fn tells_rate(&self, past: &[Past]) -> bool {
-        let between = |i: usize| self.jumps.iter().any(|&j| j == i);
-        past.windows(2).enumerate().any(|(i, two)| two[1].day > two[0].day && !between(i))
+        let between =
+            |(i, two): (usize, &[Past])| two[1].day > two[0].day && !self.jumps.contains(&i);
+        past.windows(2).enumerate().any(between)
     }
 
     /// Row of a result: of the level, the rate where there is one, and the jumps.

@@ -17,6 +17,12 @@ impl Mechanism {
     ///
     /// [`Error::Mechanism`] with the entry, what was found and what was expected.
     pub fn validate(&self) -> Result<(), Error> {
+        self.check_parts()?;
+        self.check_channels()
+    }
+
+    /// The same, but for channels that nothing reads: where closures are left out some have none.
+    pub(crate) fn check_parts(&self) -> Result<(), Error> {
         if let Some(gravity) = &self.gravity {
             finite(gravity.iter(), || "gravity".into())?;
             if gravity.iter().all(|g| *g == 0.0) {
@@ -133,6 +139,13 @@ impl Mechanism {
                 return Err(refuse(place(), found, expected.into()));
             }
         }
+        Ok(())
+    }
+
+    /// Refuses channels that no joint and no closure has.
+    fn check_channels(&self) -> Result<(), Error> {
+        let rows = self.chains.iter().flat_map(|chain| &chain.rows);
+        let seen: Vec<&String> = rows.filter_map(|row| row.channel.as_ref()).collect();
         let senses = |channel: &Channel| {
             let between = |c: &Closure| {
                 let parts = c.kind.facts().between.into_iter().zip(&c.between);
@@ -140,8 +153,7 @@ impl Mechanism {
                     |(part, name): (Part, &String)| part == Part::Channel && *name == channel.name;
                 c.channel.as_ref() == Some(&channel.name) || parts.into_iter().any(named)
             };
-            seen.iter().any(|(name, ..)| **name == channel.name)
-                || self.closures.iter().any(between)
+            seen.contains(&&channel.name) || self.closures.iter().any(between)
         };
         match self.channels.iter().find(|channel| !senses(channel)) {
             Some(channel) => Err(refuse(
@@ -274,9 +286,11 @@ impl Mechanism {
         for (name, at) in &self.platform {
             known(self.point_index(name), || "platform".into())?;
             let point = self.points.iter().find(|point| point.name == *name);
-            if let Some(Point { chain: None, frame: Some(frame), .. }) = point {
-                let found = format!("a point of the frame {}", quoted(frame));
-                let expected = "a point that a chain carries: where frames are is found, not told by readings alone";
+            if let Some(Point { chain: None, frame, .. }) = point {
+                let of_frame = |frame: &String| format!("a point of the frame {}", quoted(frame));
+                let found = frame.as_ref().map_or("a point of no chain".into(), of_frame);
+                let expected =
+                    "a point that a chain carries: where others are is not told by readings alone";
                 return Err(refuse(format!("platform, {name}"), found, expected.into()));
             }
             finite(at.iter(), || format!("platform, {name}"))?;

@@ -6,7 +6,8 @@ use nalgebra::{Rotation3, Vector3};
 use std::cell::RefCell;
 
 use crate::Error;
-use crate::mechanism::{Channel, Closure, Mechanism, Point};
+use crate::closures::kind::Part;
+use crate::mechanism::{Channel, Closure, Mechanism, Point, Value};
 use crate::model::compiled::Model;
 use crate::model::workspace::{Want, Workspace};
 use crate::numerics::lanes::Lanes;
@@ -31,13 +32,24 @@ pub fn placed(mechanism: &Mechanism, pose: &[f64; 6]) -> Vec<(String, Vector3<f6
 }
 
 /// The mechanism with a touch for each platform point, which holds that point at a pose. `noise`
-/// is the standard deviation of these touches in length units. Unknown points and their closures
+/// is the standard deviation of these touches in length units. What is unknown, or measured by columns, and its closures
 /// are left out.
 #[must_use]
 pub fn held_at(mechanism: &Mechanism, pose: &[f64; 6], noise: Option<f64>) -> Mechanism {
     let mut held = mechanism.clone();
-    held.points.retain(|p| !p.is_unknown());
-    held.closures.retain(|c| c.between.iter().all(|b| held.points.iter().any(|p| p.name == *b)));
+    held.points.retain(|p| !p.is_unknown() && p.columns.is_none());
+    let known = |(part, name): (Part, &String)| match part {
+        Part::Point => held.points.iter().any(|point| point.name == *name),
+        Part::Plane => {
+            held.planes.iter().any(|plane| plane.name == *name && plane.unknown.is_none())
+        }
+        Part::Line => held.lines.iter().any(|line| line.name == *name && line.unknown.is_none()),
+        Part::Channel => true,
+    };
+    held.closures.retain(|closure| {
+        let mut ends = closure.kind.facts().between.into_iter().zip(&closure.between);
+        ends.all(known) && !matches!(closure.value, Some(Value::Column(_)))
+    });
     let (points, closures): (Vec<_>, Vec<_>) = touches(mechanism, pose, noise).unzip();
     held.points.extend(points);
     held.closures.extend(closures);

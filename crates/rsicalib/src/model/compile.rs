@@ -176,7 +176,7 @@ impl Model {
         centre: &[f64],
         held_by: &Mechanism,
     ) -> Result<Self, Error> {
-        mechanism.validate()?;
+        mechanism.check_parts()?;
         check_names(mechanism)?;
         fits(mechanism, readings, centre)?;
         Self::compile_checked(mechanism, readings, instances, centre, held_by)

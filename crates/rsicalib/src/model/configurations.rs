@@ -650,9 +650,10 @@ impl Configurations {
     }
 }
 
-/// Misclosure, and `X` by all parameters, sample by sample.
+/// Misclosure, and `X` by all parameters, sample by sample: all equations, of which none is taken up by what is unknown in
+/// one pose alone.
 pub(crate) fn linear(model: &Model, readings: &Readings, beta: &[f64]) -> (Vec<f64>, Mat<f64>) {
-    let equations = model.equations();
+    let equations = model.rows();
     let mut f = vec![0.0; readings.samples * equations];
     let mut x = Mat::zeros(f.len(), model.parameters);
     let mut ws = Workspace::default();
@@ -737,7 +738,7 @@ fn measured(
 /// `X`, each equation multiplied by its factor, without what the places of one pose take up of it.
 fn without_places(model: &Model, readings: &Readings, beta: &[f64], by: &[f64]) -> Mat<f64> {
     let (_, mut x) = linear(model, readings, beta);
-    let (equations, places) = (model.equations(), model.pose_unknowns());
+    let (equations, places) = (model.rows(), model.pose_unknowns());
     for i in 0..x.nrows() {
         (0..x.ncols()).for_each(|j| x[(i, j)] *= by[i % equations]);
     }

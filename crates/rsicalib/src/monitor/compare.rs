@@ -224,7 +224,7 @@ pub fn compare(
     let mut watched = Watched::new(mechanism, earlier, covariance, candidates(mechanism), &[])?;
     let session = Session::of(observations, judged, &watched)?;
     let mut seen = Seen::new(mechanism.channels.len());
-    session.used.iter().for_each(|&row| seen.see(session.rows.row(row)));
+    session.used.iter().for_each(|&row| seen.see(session.rows.row(row).iter().copied()));
     let count = session.used.len() as f64 * watched.under.model.equations() as f64;
 
     let before = watched.at.clone();

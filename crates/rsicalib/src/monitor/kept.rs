@@ -25,22 +25,32 @@ impl Bytes {
     }
 
     /// To be read.
-    pub(crate) const fn of(bytes: Vec<u8>) -> Self {
-        Self { bytes, at: Some(0), damaged: false }
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Option`] where they are not what was written.
+    pub(crate) fn of(mut bytes: Vec<u8>) -> Result<Self, Error> {
+        let end = bytes.len().checked_sub(8).ok_or_else(damaged)?;
+        let sum = bytes.split_off(end);
+        match sum == checksum(&bytes).to_le_bytes() {
+            true => Ok(Self { bytes, at: Some(0), damaged: false }),
+            false => Err(damaged()),
+        }
     }
 
-    /// What was written.
-    pub(crate) fn written(self) -> Vec<u8> {
+    /// What was written, and its checksum.
+    pub(crate) fn written(mut self) -> Vec<u8> {
+        let sum = checksum(&self.bytes);
+        self.bytes.extend_from_slice(&sum.to_le_bytes());
         self.bytes
     }
 
     /// Checks that all was read, and nothing was missing.
     pub(crate) fn whole(&self) -> Result<(), Error> {
-        if self.damaged || self.at != Some(self.bytes.len()) {
-            let (found, expected) = ("a damaged one", "what a watch has written");
-            return Err(Error::option("state", found, expected));
+        match self.damaged || self.at != Some(self.bytes.len()) {
+            true => Err(damaged()),
+            false => Ok(()),
         }
-        Ok(())
     }
 
     fn word(&mut self, word: &mut u64) {
@@ -67,6 +77,16 @@ impl Bytes {
     pub(crate) const fn reads(&self) -> bool {
         self.at.is_some()
     }
+}
+
+fn damaged() -> Error {
+    Error::option("state", "a damaged one", "what a watch has written")
+}
+
+/// FNV-1a of 64 bits: another value of one byte always changes it.
+fn checksum(bytes: &[u8]) -> u64 {
+    let step = |sum: u64, byte: &u8| (sum ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3);
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, step)
 }
 
 /// A value that is part of a state.
@@ -217,13 +237,20 @@ mod tests {
         alarm.clone().keep(&mut bytes);
         let written = bytes.written();
         let mut again = Alarm::default();
-        let mut reading = Bytes::of(written.clone());
+        let mut reading = Bytes::of(written.clone()).expect("as it was written");
         again.keep(&mut reading);
         assert!(reading.whole().is_ok() && again == alarm);
-        for length in 0..written.len() {
-            let mut reading = Bytes::of(written[..length].to_vec());
-            Alarm::default().keep(&mut reading);
-            assert!(reading.whole().is_err(), "{length}");
+        for at in 0..written.len() {
+            assert!(Bytes::of(written[..at].to_vec()).is_err(), "{at}");
+            let mut flipped = written.clone();
+            flipped[at] ^= 1 << (at % 8);
+            assert!(Bytes::of(flipped).is_err(), "{at}");
         }
+        // A state of other fields.
+        let mut bytes = Bytes::new();
+        (1_u64, 2.0_f64).keep(&mut bytes);
+        let mut reading = Bytes::of(bytes.written()).expect("as it was written");
+        Alarm::default().keep(&mut reading);
+        assert!(reading.whole().is_err());
     }
 }

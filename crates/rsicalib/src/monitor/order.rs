@@ -46,6 +46,10 @@ const GAP: f64 = 1.5;
 /// Share of a new interval in the usual one.
 const RECENT: f64 = 0.02;
 
+/// So many late rows in order, none in time between them, are no rows that came late: a stream that is put in order again
+/// holds back fewer.
+const SET_BACK: u64 = 20;
+
 /// The order of rows.
 #[derive(Debug, Clone)]
 pub(crate) struct Order {
@@ -55,6 +59,9 @@ pub(crate) struct Order {
     /// Usual time between neighbouring rows (s).
     pub(crate) interval: Option<f64>,
     broken: bool,
+    /// Time of the last late row, and how many late ones in order it ended.
+    late: Option<f64>,
+    behind: u64,
 }
 
 impl Order {
@@ -66,6 +73,8 @@ impl Order {
             time: None,
             interval: None,
             broken: true,
+            late: None,
+            behind: 0,
         }
     }
 
@@ -93,11 +102,15 @@ impl Order {
             self.time = time.or(self.time);
             return Row::LeftOut;
         }
-        if step.is_some_and(|s| s < 0.0) {
+        let late = step.is_some_and(|s| s < 0.0);
+        if late && !self.is_set_back(time) {
             counts.late += 1;
             return Row::LeftOut;
         }
-        let gap = step.is_some_and(|s| self.gap(s, counts));
+        // Nobody knows how many rows are missing where a clock was set back.
+        self.broken |= late;
+        self.behind = 0;
+        let gap = step.is_some_and(|s| s > 0.0 && self.gap(s, counts));
         let next = !(gap || self.broken);
         self.broken = false;
         self.last.copy_from_slice(readings);
@@ -105,12 +118,21 @@ impl Order {
         if next { Row::Next } else { Row::AfterGap }
     }
 
+    /// True where so many rows one after the other are late, and in order among themselves, that the clock was set back.
+    fn is_set_back(&mut self, time: Option<f64>) -> bool {
+        let follows = self.late.zip(time).is_some_and(|(before, now)| now > before);
+        self.behind = if follows { self.behind + 1 } else { 1 };
+        self.late = time;
+        self.behind > SET_BACK
+    }
+
     /// True where rows are missing before this one.
     fn gap(&mut self, step: f64, counts: &mut Counts) -> bool {
         let usual = *self.interval.get_or_insert(step);
         let missing = step > GAP * usual;
         if missing {
-            counts.missing += ((step / usual).round() as u64).saturating_sub(1);
+            let rows = ((step / usual).round() as u64).saturating_sub(1);
+            counts.missing = counts.missing.saturating_add(rows);
             // A stream that has become slower shows gaps only until its pace is learned.
             self.interval = Some(usual + RECENT * (step.min(2.0 * usual) - usual));
         } else {
@@ -126,5 +148,39 @@ impl Order {
     }
 }
 
-keep!(Order: last, time, interval, broken);
+keep!(Order: last, time, interval, broken, late, behind);
 keep!(Counts: rows, used, unreadable, repeated, late, missing, outliers, silent, alarms);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What becomes of rows at these times, each with readings of its own.
+    fn judged(times: &[f64]) -> (Vec<Row>, Counts) {
+        let channel = Channel { name: "q".into(), unit: "rad".into(), ..Channel::default() };
+        let (mut order, mut counts) = (Order::new(&[channel]), Counts::default());
+        let one = |(row, time): (usize, &f64)| order.judge(&[row as f64], Some(*time), &mut counts);
+        (times.iter().enumerate().map(one).collect(), counts)
+    }
+
+    #[test]
+    fn a_watch_goes_on_after_its_clock_was_set_back() {
+        let before = (0..50).map(|k| 5000.0 + f64::from(k));
+        let times: Vec<f64> = before.chain((0..60).map(|k| 1000.0 + f64::from(k))).collect();
+        let (rows, counts) = judged(&times);
+        assert_eq!(counts.late, SET_BACK);
+        let first = 50 + SET_BACK as usize;
+        assert!(rows[50..first].iter().all(|row| *row == Row::LeftOut));
+        assert_eq!(rows[first], Row::AfterGap);
+        assert!(rows[first + 1..].iter().all(|row| *row == Row::Next));
+        assert_eq!(counts.missing, 0);
+    }
+
+    #[test]
+    fn rows_that_come_late_are_left_out_each_time() {
+        // Every fifth row comes three rows late.
+        let time = |k: u32| f64::from(if k % 5 == 4 { k - 3 } else { k });
+        let (_, counts) = judged(&(0..500).map(time).collect::<Vec<f64>>());
+        assert_eq!(counts.late + counts.repeated, 100);
+    }
+}

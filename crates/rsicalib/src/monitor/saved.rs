@@ -25,8 +25,8 @@ impl Monitor {
     ///
     /// [`Error::Option`] for bytes that are damaged or of another watch; this one is of no use then.
     pub fn restore(&mut self, state: Vec<u8>) -> Result<(), Error> {
+        let mut bytes = Bytes::of(state)?;
         let shape = self.shape();
-        let mut bytes = Bytes::of(state);
         self.keep(&mut bytes);
         bytes.whole()?;
         let own = self.watched.uncertain;

@@ -156,6 +156,7 @@ impl Trial {
         let both = held_out_before.zip(held_out.last().copied().flatten());
         let compared = both.map(|(before, after)| compared(traced, &before, &after));
         let (elsewhere, not_applied) = elsewhere(traced, search, &residual).unzip();
+        let elsewhere = elsewhere.flatten();
         let worse = compared.is_some_and(|compared| compared.worse());
         let not_applied = not_applied.unwrap_or_else(|| in_one_session(traced, search, worse));
         let applies: Vec<bool> = not_applied.iter().map(Option::is_none).collect();

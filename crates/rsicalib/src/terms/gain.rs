@@ -3,13 +3,16 @@
 use crate::numerics::lanes::Lanes;
 use crate::terms::term::{Acts, Role, Sensor, Site, Term};
 
+/// Typical error of a gain of the paper's potentiometers, rad a count.
+pub(crate) const TYPICAL_GAIN: f64 = 3e-5;
+
 term! {
     /// Joint angle per reading.
     ///
     /// The electrical angle of a potentiometer and the reference of its converter
     /// vary by per cents. Reported as the paper's `k`, eq. (9).
     Gain("gain", Sensor, per Channel, needs Nothing) {
-        gain: "rad/reading" ~ 3e-5,
+        gain: "rad/reading" ~ TYPICAL_GAIN,
     } acts Acts::Sensor(&Self)
 }
 

@@ -3,6 +3,7 @@
 use crate::Error;
 use crate::mechanism::{Chain, Mechanism, Motion, PlaceName, Row, Target, Variable, place_name};
 use crate::readings::{Readings, is_absent};
+use crate::terms::gain::TYPICAL_GAIN;
 use crate::terms::term::{Acts, Class, Needs, Per, Placed, Role, Scale, Spot, Term};
 
 stated! {
@@ -186,11 +187,16 @@ fn reach(mechanism: &Mechanism, scales: &[Scale], channel: usize) -> f64 {
     own.gain.abs() * shown.unwrap_or_else(|| own.half_range())
 }
 
-/// What a gain of a channel that reads angles or lengths, or is on no joint, is to be multiplied by: three parts in a
-/// thousand are typical of a joint or a length, three per cent of anything else.
+/// What the typical gain is to be multiplied by, which is declared of the counts of the paper's potentiometers, two per
+/// cent of their own: so it is of any converter at a joint; three parts in a thousand are typical of a joint or a length that
+/// is read as such, three per cent of anything else.
 fn own_gain(mechanism: &Mechanism, channel: usize) -> f64 {
-    let read = mechanism.measures(channel) || mechanism.moves_joint(channel);
-    let parts = if read { 100.0 } else { 1000.0 };
+    let parts = match mechanism.moves_joint(channel) {
+        true if counts(mechanism, channel) => 2e-2 / TYPICAL_GAIN,
+        true => 3e-3 / TYPICAL_GAIN,
+        false if mechanism.measures(channel) => 3e-3 / TYPICAL_GAIN,
+        false => 3e-2 / TYPICAL_GAIN,
+    };
     mechanism.channels.get(channel).map_or(1.0, |c| parts * c.gain.abs())
 }
 
@@ -341,17 +347,9 @@ pub fn typical(
         "rad" | "rad/session" | "rad/K" if slides => longest,
         "rad" | "rad/session" | "rad/K" => own.unwrap_or(1.0),
         "length" | "length/K" => longest,
-        // A typical gain is declared of the counts of a potentiometer: two per cent of its own.
-        "rad/reading" => match target {
-            Target::Channel(c) if !mechanism.moves_joint(c) || !counts(mechanism, c) => {
-                own_gain(mechanism, c)
-            }
-            Target::Together(_) => {
-                let channels = mechanism.channels_at(target);
-                channels.first().map_or(1.0, |c| own_gain(mechanism, *c))
-            }
-            _ => 1.0,
-        },
+        "rad/reading" => {
+            mechanism.channels_at(target).first().map_or(1.0, |c| own_gain(mechanism, *c))
+        }
         "rad/length" => 1.0 / longest,
         "rad/torque" => 1.0 / (longest * mass),
         _ => 1.0,

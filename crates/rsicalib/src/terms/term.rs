@@ -564,11 +564,11 @@ impl dyn Term + '_ {
         self.info().broad && !self.moves_tool()
     }
 
-    /// The variable of the term's curve; `None` for a term that is no curve.
+    /// The variable of the term's curve; `None` for a term that is no curve, as a law of several variables.
     #[must_use]
     pub fn over(&self) -> Option<Over> {
         match (self.acts(), self.info().needs) {
-            _ if self.placed() != Placed::Once => None,
+            _ if self.placed() != Placed::Once || self.needs().len() > 1 => None,
             (Acts::Sensor(_), Needs::Nothing) => Some(Over::Reading),
             (Acts::Sensor(_) | Acts::Electronics(_), Needs::Order) => Some(Over::Time),
             _ => None,

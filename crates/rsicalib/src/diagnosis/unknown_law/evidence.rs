@@ -17,7 +17,7 @@ use faer::{ColRef, Mat, MatRef};
 use nalgebra::linalg::SymmetricTridiagonal;
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnosis::price::{Data, charge, mean};
+use crate::diagnosis::price::{Data, charge, less, mean};
 use crate::diagnosis::unknown_law::formula::SMALL;
 use crate::diagnosis::unknown_law::variables::{Function, Variable, degree};
 use crate::estimate::at_fit::{AtFit, add_scaled};
@@ -125,7 +125,7 @@ impl Errors {
                 let tau2 = 4.0_f64.powi(k) / (16.0 * usual);
                 let (fall, spread) = ridge.at(tau2);
                 let fall = fall + constant;
-                let price = data.of((chi2 - fall).max(0.0)) - data.of(chi2) + spread + paid;
+                let price = data.of(less(chi2, fall)) - data.of(chi2) + spread + paid;
                 found.push((price, fall, smooth, tau2));
             }
         }
@@ -225,7 +225,7 @@ impl Ridge {
             let entry = if k > 0 { tau2 * self.off_diagonal[k - 1] } else { 0.0 };
             let factor = entry / pivot;
             // No less than 1, but for rounding: `M` has no negative direction.
-            pivot = (1.0 + tau2 * self.diagonal[k] - factor * entry).max(1.0);
+            pivot = (1.0 + tau2 * self.diagonal[k] - factor * entry).clamp(1.0, f64::INFINITY);
             y = u - factor * y;
             fall += tau2 * y * y / pivot;
             spread += pivot.ln();

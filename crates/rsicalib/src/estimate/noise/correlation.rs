@@ -39,8 +39,11 @@ const LONGEST_GROUP: usize = 64;
 #[must_use]
 pub fn correlated(product: f64, n: usize, order: usize, q: f64) -> Correlated {
     let capped = n.min(LONGEST_GROUP);
-    // Of a longer group the product per pair is what counts.
-    let product = product * (capped - 1) as f64 / (n - 1) as f64;
+    // Of a longer group the product per pair is what counts, without what is removed of it: of white noise -1/n for each
+    // degree.
+    let removed = |n: usize| order as f64 / n as f64;
+    let per_pair = product / (n - 1) as f64 + removed(n) - removed(capped);
+    let product = per_pair * (capped - 1) as f64;
     let (n, at) = (capped, |rho: f64| Group::new(capped, order, rho, q));
     let (mut low, mut high) = (0.0, 0.98);
     for _ in 0..40 {
@@ -182,6 +185,16 @@ mod tests {
             assert!(found.rho < 1e-9);
             assert!((found.inflation - 1.0).abs() < 1e-8);
             assert!((found.slow - 1.0).abs() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn independent_samples_of_a_long_group_are_not_taken_for_correlated() {
+        // (n - 1) products of neighbours about the mean of n are -1/n each; those of 64 that stand for them -1/64.
+        for (n, order) in [(65, 1), (200, 1), (1000, 1), (1000, 2)] {
+            let product = -((n - 1) as f64) * order as f64 / n as f64;
+            let found = correlated(product, n, order, 0.0);
+            assert!(found.rho < 1e-3, "{n} {order}: {}", found.rho);
         }
     }
 

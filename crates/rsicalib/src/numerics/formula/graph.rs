@@ -377,7 +377,10 @@ impl Graph {
                 if self.is_zero(db) {
                     return base;
                 }
-                let log = self.apply(Func::Ln, a);
+                // Of a base of zero what is multiplied by the logarithm is zero.
+                let least = self.constant(f64::MIN_POSITIVE);
+                let above = self.pair(Pair::Max, a, least);
+                let log = self.apply(Func::Ln, above);
                 let exponent = self.pair(Pair::Mul, k, log);
                 let exponent = self.pair(Pair::Mul, exponent, db);
                 self.pair(Pair::Add, base, exponent)

@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnosis::price::{Data, charge};
+use crate::diagnosis::price::{Data, charge, less};
 use crate::diagnosis::unknown_law::evidence::{Column, Errors};
 use crate::diagnosis::unknown_law::formula::refined::refine;
 use crate::diagnosis::unknown_law::formula::shapes::{Kind, Named, Product, Span, products};
@@ -80,9 +80,9 @@ pub(super) fn written(
     let columns = Columns { named: &named, errors, gain, last: RefCell::default() };
     let (square, gradient, shows) = columns.of(&products);
     let [constant, paid] = errors.constant.unwrap_or_default();
-    let less = |fall: f64| data.of((chi2 - constant - fall).max(0.0)) - data.of(chi2);
+    let lower = |fall: f64| data.of(less(chi2, constant + fall)) - data.of(chi2);
     let price = |fall: f64, width: usize, moved: usize| {
-        less(fall)
+        lower(fall)
             + paid
             + charge((width + moved) as f64, fall)
             + 2.0 * choices(shows.len(), width).ln()
