@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
 import rsicalib
+from rsicalib.report.words import number
 from tests.blind import trials
 from tests.blind.effects import ARMS, BaseSlip, Effect, Ripple
 from tests.blind.geometry import Geometry, forward_arm
@@ -18,6 +20,8 @@ from tests.blind.trials import examine, staged
 from tests.families.device import observe
 from tests.families.effects import distance, targets
 from tests.families.trials import readings_of
+from tests.machines import files
+from tests.machines.belt import draw
 from tests.test_families import clean
 
 
@@ -45,6 +49,29 @@ def test_an_order_may_be_asked_for_and_lies_within_the_orders_there_are() -> Non
     assert found["n_per_turn@a22:14.75.a"].place == "14.75"
     with pytest.raises(rsicalib.InputError, match="3 to 100 waves per turn"):
         rsicalib.calibrate(readings, rest=rest, terms=["offset", "gain", "n_per_turn@a22:101"])
+
+
+@pytest.mark.parametrize(("belt", "wave", "waves"), [("tl", 310.0, 4), ("br", 97.0, 10)])
+def test_waves_along_a_belt_are_found_with_their_length(
+    belt: str, wave: float, waves: int, tmp_path: Path
+) -> None:
+    """A drum that is not round. Witness: lengths between points, and a sine of each."""
+    rng = np.random.default_rng(int(wave))
+    machine = draw(rng, 60)
+    read = machine.observe(rng)
+    own = read[:, machine.columns.index(belt)]
+    assert np.ptp(own) / wave > waves
+    own += 4.0 * np.sin(2.0 * np.pi * own / wave + 0.7)
+    found = rsicalib.trace(*files.write(machine, read, tmp_path))
+    assert found.verdict == "explained"
+    (step,) = found.steps
+    assert (step.term, step.target) == ("n_per_turn", belt)
+    # Known to some parts of a wave over all of them: 4 mm beside a noise of about 1 in 60 poses.
+    assert step.wavelength is not None
+    assert abs(step.wavelength / wave - 1.0) < 0.2 / waves
+    size = np.hypot(*(p.value for p in step.parameters[:2]))
+    assert abs(size - 4.0) < 4.0 * (step.parameters[0].sd or 0.0)
+    assert f"waves of {number(step.wavelength)} mm" in " ".join(found.summary().split())
 
 
 @pytest.mark.parametrize("arm", ARMS)

@@ -601,6 +601,9 @@ class Step(Effect, Record, repr=False):
     number."""
     label: str | None = field(default=None, metadata=IF_KNOWN)
     """What people call the target."""
+    wavelength: float | None = field(default=None, metadata=IF_KNOWN)
+    """How long a wave is of an error that repeats along what has no turn, in the unit of that
+    coordinate."""
     also_fits: tuple[Name, ...] = ()
     """Terms that these poses cannot tell from this one."""
     needs_length: bool = False

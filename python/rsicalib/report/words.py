@@ -149,6 +149,8 @@ def labelled(target: str, label: str | None) -> str:
 def subject(step: Step | Name) -> str:
     """A missing effect: `curvature of sensor a22 (elbow of arm 2)`."""
     at = f" (at {step.place})" if step.place else ""
+    if isinstance(step, Step) and step.wavelength is not None:
+        at = f" ({waves_words(step)})"
     where = labelled(target_words(step.klass, step.target), step.label)
     what = name_of(step.term) + "," * (step.term in NO_TERM)
     return f"{what} of {where}{at}"
@@ -530,7 +532,13 @@ def size_words(step: Step) -> str:
         times, unit = in_thousandths(step.curve_unit)
         largest = times * max(abs(row[1]) for row in step.curve)
         return f"a curve of up to {with_unit(number(largest, 2), unit)}"
-    return ", ".join(f"{p.name} = {value_words(p)}" for p in step.parameters)
+    sizes = ", ".join(f"{p.name} = {value_words(p)}" for p in step.parameters)
+    return sizes if step.wavelength is None else f"{sizes}; {waves_words(step)}"
+
+
+def waves_words(step: Step) -> str:
+    """How long the waves are of an error that repeats along a length: `waves of 590 mm`."""
+    return f"waves of {with_unit(number(step.wavelength), step.parameters[0].unit)}"
 
 
 def value_words(parameter: StepParameter) -> str:

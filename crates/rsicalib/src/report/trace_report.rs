@@ -117,6 +117,9 @@ pub struct StepReport {
     /// What people call the target.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub label: Option<String>,
+    /// How long a wave is of an error that repeats along what has no turn, in the unit of that coordinate.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub wavelength: Option<f64>,
     /// Terms that these poses cannot tell from this one.
     #[cfg_attr(feature = "serde", serde(default))]
     pub also_fits: Vec<Place>,

@@ -1,5 +1,7 @@
 //! A trace, reported: what it found, what data in which that was not found say of it, and the verdict.
 
+use std::f64::consts::TAU;
+
 use crate::Error;
 use crate::apply::change::{PlatformRms, apart, platform_difference};
 use crate::apply::check::CheckReadings;
@@ -31,7 +33,7 @@ use crate::report::trace_report::{
     FoundLaw, Left, Place, RivalReport, StepParameter, StepReport, TraceReport, Unexplained,
 };
 use crate::report::{warned, words};
-use crate::terms::term::{Class, Needs, Placed};
+use crate::terms::term::{Class, Needs, ORDER_STEP, Placed};
 
 /// Traces a session and reports.
 ///
@@ -423,6 +425,17 @@ fn no_term(observations: &Observations, id: &str, target: Target) -> Place {
     }
 }
 
+/// How long a wave is of an error that repeats along what has no turn, by its parameters; none of other effects.
+fn wavelength(fit: &Fit, effect: &Instance, parameters: &[f64]) -> Option<f64> {
+    let &Instance { target: Target::Channel(channel), term, place } = effect else { return None };
+    if term.placed() != Placed::AtOrder || fit.model.mechanism.goes_round(channel) {
+        return None;
+    }
+    let scale = &fit.model.scales[channel];
+    let order = ORDER_STEP * place as f64 + parameters[2];
+    Some((TAU * scale.gain / (order * scale.turn)).abs())
+}
+
 /// What is reported of an effect, but for the poses left out in turn.
 fn step(
     (traced, rivals): (&Traced, &[RivalReport]),
@@ -467,6 +480,7 @@ fn step(
         target,
         place,
         label,
+        wavelength: wavelength(after, &own, &values[first..]),
         applied: not_applied.is_none(),
         not_applied,
         probability: (!rivals.is_empty()).then_some(probability),

@@ -7,8 +7,10 @@ use crate::terms::term::{Acts, ORDER_STEP, ORDERS, Placed, Sensor, Site, Term};
 term! {
     /// Error of a sensor that repeats many times per turn.
     ///
-    /// Adds `a sin(nφ) + b cos(nφ)` to the joint angle, where `φ` is the nominal angle of the
-    /// sensor from the middle of its range: teeth of a gear or a belt, poles, turns of a winding.
+    /// Adds `a sin(nφ) + b cos(nφ)` to the joint coordinate, where `φ` is the nominal angle of the
+    /// sensor from the middle of its range: teeth of a gear or a belt, poles, turns of a winding. What
+    /// has no turn, a length or a share of a range, goes round once over its range, which is what its
+    /// readings span where it declares none: the pitch of a screw, a drum that is not round.
     /// A trace searches for the order `n`, which need not be whole: the order of the place, and
     /// `detune` beside that order. The p-value is corrected for the number of orders.
     NPerTurn("n_per_turn", Sensor, per Channel, needs Nothing) {
@@ -23,10 +25,6 @@ impl Term for NPerTurn {
         Placed::AtOrder
     }
 
-    fn suits(&self, mechanism: &Mechanism, channel: usize) -> bool {
-        mechanism.goes_round(channel)
-    }
-
     fn places(&self, _mechanism: &Mechanism, _channel: usize, _poses: usize) -> Vec<usize> {
         ORDERS.collect()
     }
@@ -34,22 +32,22 @@ impl Term for NPerTurn {
 
 impl Sensor for NPerTurn {
     fn correction(&self, p: &[f64], site: &Site) -> Lanes {
-        let (sin, cos) = (site.phi() * order(p, site)).sin_cos();
+        let (sin, cos) = (site.psi() * order(p, site)).sin_cos();
         sin * p[0] + cos * p[1]
     }
 
     fn partials(&self, p: &[f64], site: &Site, out: &mut [Lanes]) {
-        let phi = site.phi();
-        let (sin, cos) = (phi * order(p, site)).sin_cos();
+        let psi = site.psi();
+        let (sin, cos) = (psi * order(p, site)).sin_cos();
         out[0] = sin;
         out[1] = cos;
-        out[2] = (cos * p[0] - sin * p[1]) * phi;
+        out[2] = (cos * p[0] - sin * p[1]) * psi;
     }
 
     fn slope(&self, p: &[f64], site: &Site) -> Lanes {
         let n = order(p, site);
-        let (sin, cos) = (site.phi() * n).sin_cos();
-        (cos * p[0] - sin * p[1]) * (n * site.scale().gain)
+        let (sin, cos) = (site.psi() * n).sin_cos();
+        (cos * p[0] - sin * p[1]) * (n * site.scale().turn)
     }
 }
 

@@ -12,6 +12,8 @@
 //! A term is one file in this folder and one line in the registry at the foot
 //! of this one. Its parameters are zero where the effect is absent.
 
+use std::f64::consts::PI;
+
 use crate::kinematics::elements::{Axis, Way, Weight};
 pub use crate::mechanism::{Class, Per};
 use crate::mechanism::{Mechanism, Target};
@@ -124,6 +126,8 @@ pub struct Scale {
     pub gain: f64,
     /// Nominal joint coordinate at `centre` (rad or length).
     pub angle: f64,
+    /// Nominal angle (rad) for one unit of reading; what has no turn goes round once over its range.
+    pub turn: f64,
     /// Lowest and highest reading in the data.
     pub span: [f64; 2],
     /// True where shapes stay beyond `span` as they are at its ends; else they go on.
@@ -134,7 +138,7 @@ impl Scale {
     /// Scales of a channel of a mechanism whose readings spread over `span` about `centre`.
     #[must_use]
     pub fn of(mechanism: &Mechanism, channel: usize, centre: f64, span: [f64; 2]) -> Self {
-        let turns = mechanism.turns(channel);
+        let (turns, round) = (mechanism.turns(channel), mechanism.goes_round(channel));
         let channel = &mechanism.channels[channel];
         let mut scale = Self {
             centre,
@@ -142,11 +146,15 @@ impl Scale {
             half_range: channel.half_range(),
             gain: channel.gain,
             angle: channel.angle(centre),
+            turn: channel.gain,
             span,
             held: true,
         };
         if channel.ends().is_none() && !turns {
             scale.unbounded();
+        }
+        if !round {
+            scale.turn = PI / scale.half_range;
         }
         scale
     }
@@ -169,7 +177,8 @@ impl Scale {
         span: [f64; 2],
     ) -> Self {
         let own = Self::of(mechanism, channel, centre, span);
-        Self { middle: own.middle, half_range: own.half_range, centre, span, ..self }
+        let Self { middle, half_range, turn, .. } = own;
+        Self { middle, half_range, turn, centre, span, ..self }
     }
 
     /// Joint coordinates of readings, as drawn.
@@ -238,6 +247,14 @@ impl Site<'_> {
     pub fn phi(&self) -> Lanes {
         let scale = self.scale();
         (self.reading() - Lanes::splat(scale.middle)) * scale.gain
+    }
+
+    /// `ψ`: the same as an angle (rad) also of what has no turn, which goes round once over its range.
+    #[inline(always)]
+    #[must_use]
+    pub fn psi(&self) -> Lanes {
+        let scale = self.scale();
+        (self.reading() - Lanes::splat(scale.middle)) * scale.turn
     }
 
     /// One where the sample belongs to pose `place`, zero elsewhere.

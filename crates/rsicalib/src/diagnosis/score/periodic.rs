@@ -53,7 +53,7 @@ pub fn score(at: &AtFit, judge: &Judge, without: &[String]) -> Vec<Scored> {
     let of_sensor = |target: &Target| {
         let Target::Channel(channel) = *target else { return (Vec::new(), 0.0) };
         let scale = &at.fit.model.scales[channel];
-        let phi = |row: usize| (readings.row(row)[channel] - scale.middle) * scale.gain;
+        let phi = |row: usize| (readings.row(row)[channel] - scale.middle) * scale.turn;
         let samples = live.iter().map(|&row| (phi(row), row)).collect();
         let Some(room) = Room::new(at, &angles, channel, samples, PLACES) else {
             return (Vec::new(), 0.0);

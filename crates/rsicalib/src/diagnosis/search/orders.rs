@@ -21,7 +21,7 @@ fn same_sensor(a: &Instance, b: &Instance) -> bool {
 pub(crate) fn one_order(fit: &Fit, a: &Instance, b: &Instance) -> bool {
     let Target::Channel(channel) = a.target else { return false };
     let scale = &fit.model.scales[channel];
-    let way = (scale.span[1] - scale.span[0]) * scale.gain.abs();
+    let way = (scale.span[1] - scale.span[0]) * scale.turn.abs();
     let apart = ORDER_STEP * a.place.abs_diff(b.place) as f64;
     has_order(a) && same_sensor(a, b) && apart * way < TAU
 }
