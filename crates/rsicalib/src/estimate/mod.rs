@@ -21,6 +21,7 @@ mod implicit;
 pub(crate) mod intervals;
 pub(crate) mod lengths;
 pub(crate) mod limits;
+pub(crate) mod measured_unit;
 mod minimum;
 mod mirrors;
 pub(crate) mod miswired;

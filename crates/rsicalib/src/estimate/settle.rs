@@ -290,8 +290,9 @@ impl Room {
         let turns = !part.model.posed.bodies.is_empty();
         let anew = turns.then(|| self.place(part, block, x));
         let most = chi2_quantile(ONE_IN_TWENTY, self.w.len() as f64);
-        let open = here.0.iter().any(|left| *left > most);
-        let turned = match open {
+        // Where most are open it is by the parameters, not by where things are looked for.
+        let open = here.0.iter().filter(|left| **left > most).count();
+        let turned = match (1..=WIDTH / 2).contains(&open) {
             true => part.model.placed_turned(part.readings, block, xi, x, &mut self.ws),
             false => Vec::new(),
         };

@@ -7,7 +7,7 @@ use crate::estimate::noise::source::DOUBT;
 use crate::estimate::observations::Observations;
 use crate::estimate::shifted::shifted;
 use crate::estimate::suspicion::Suspicion;
-use crate::estimate::{degrees, doubts, lengths, seen};
+use crate::estimate::{degrees, doubts, lengths, measured_unit, seen};
 use crate::model::Instance;
 
 /// Adds to the warnings of a fit; `again` fits other readings.
@@ -62,7 +62,10 @@ fn of_wiring(
     let noise = fit.assumed();
     let left = if fit.has_start() { fit.chi2 / fit.dof } else { f64::INFINITY };
     let mut said: Vec<Suspicion> = Vec::new();
-    said.extend(miswired::stuck(observations, &noise, left, refit));
+    said.extend(measured_unit::in_other_unit(observations, left));
+    if said.is_empty() {
+        said.extend(miswired::stuck(observations, &noise, left, refit));
+    }
     if !fit.warnings.iter().chain(&said).any(Suspicion::of_wiring) {
         if fit.plausible {
             said.extend(degrees::of_fit(observations, &fit.model, &fit.beta));

@@ -117,6 +117,13 @@ pub enum Suspicion {
         /// The number.
         times: f64,
     },
+    /// Lengths that channels read in another unit than the drawing.
+    MeasuredInUnit {
+        /// The channels.
+        channels: Vec<usize>,
+        /// By what their readings are lengths of the drawing.
+        times: f64,
+    },
     /// A length of the drawing in another unit than the others.
     Length {
         /// Which.
@@ -286,6 +293,7 @@ impl Suspicion {
                 | Self::LeftHanded { .. }
                 | Self::Shifted { .. }
                 | Self::SeenInUnit { .. }
+                | Self::MeasuredInUnit { .. }
                 | Self::NoStart { .. }
                 | Self::Lost { .. }
                 | Self::Degrees { of: InDegrees::Loop { .. }, .. }

@@ -318,7 +318,9 @@ fn of_suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> Warned {
             (Kind::Knowledge, Some(instance.target.name(mechanism)))
         }
         Suspicion::Degrees { channels: of, .. } => (Kind::Degrees, channels(of)),
-        Suspicion::Gains { channels: of, .. } => (Kind::Units, channels(of)),
+        Suspicion::Gains { channels: of, .. } | Suspicion::MeasuredInUnit { channels: of, .. } => {
+            (Kind::Units, channels(of))
+        }
         Suspicion::Length { at, .. } => (Kind::Units, Some(words::length(mechanism, *at).0)),
         Suspicion::LeftHanded { point, .. } => {
             (Kind::LeftHanded, Some(mechanism.points[*point].name.clone()))

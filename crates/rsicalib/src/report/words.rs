@@ -347,6 +347,16 @@ pub fn suspicion(mechanism: &Mechanism, suspicion: &Suspicion) -> String {
                 significant(*times, 3),
             )
         }
+        Suspicion::MeasuredInUnit { channels, times } => {
+            let names: Vec<&str> = channels.iter().map(|&c| name(c)).collect();
+            format!(
+                "no loop closes, and readings of {} times {} would be about as long as the drawing and the other \
+                 readings are: are they in another unit than {}?",
+                names.join(", "),
+                significant(*times, 4),
+                mechanism.length_unit
+            )
+        }
         Suspicion::Length { at, size, times, closes } => {
             let (target, what) = length(mechanism, *at);
             let (size, unit) = (significant(*size, 4), &mechanism.length_unit);
