@@ -160,9 +160,27 @@ def test_the_inverse_agrees_with_the_oracle_and_forward_with_the_inverse() -> No
     np.testing.assert_allclose(rsicalib.forward(readings), poses, atol=1e-7)
 
 
-def test_a_pose_out_of_reach_is_refused_by_its_number() -> None:
-    with pytest.raises(InputError, match=r"pose 1 .*out of reach"):
+def test_a_pose_out_of_reach_is_refused_by_its_row() -> None:
+    with pytest.raises(InputError, match=r"poses, row 2: found a pose out of reach: arm") as told:
         rsicalib.inverse([[0, 0, -2.666, 0, 0, 0], [9, 0, -2.666, 0, 0, 0]])
+    assert told.value.where is not None and told.value.where["line"] == 2
+
+
+def test_a_fixture_names_the_pose_out_of_reach_as_its_file_does(tmp_path: Path) -> None:
+    lines = CHECK.read_text(encoding="utf-8").splitlines()
+    column = lines[0].split(",").index("x")
+    label = lines[0].split(",").index("pose")
+    rows = [line.split(",") for line in lines]
+    for row in rows:
+        if row[label] == "3":
+            row[column] = "100"
+    path = tmp_path / "far.csv"
+    path.write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
+    first = next(k for k, row in enumerate(rows, 1) if row[label] == "3")
+    with pytest.raises(InputError, match=r"found pose 3 out of reach: arm") as told:
+        rsicalib.fixture(path)
+    where = told.value.where
+    assert where is not None and (where["file"], where["line"]) == (str(path), first)
 
 
 def test_a_fixture_calibration_is_the_least_squares_line_of_each_channel() -> None:

@@ -314,7 +314,7 @@ def _closed_by_none(
 
 
 def _or_elsewhere(expected: str, name: str, own: list[list[str]]) -> str:
-    """What is expected in a column of a row in which nothing closes: that, or what closes another loop."""
+    """What is expected in a column where no loop closes: that, or what closes another one."""
     others = list(dict.fromkeys(" ".join(columns) for columns in own if name not in columns))
     return f"{expected}, or what the row touches in {' or '.join(others)}" if others else expected
 

@@ -16,6 +16,7 @@ from rsicalib.work.arguments import MechanismArg, ReadingsArg
 from rsicalib.work.closing import open_loops
 from rsicalib.work.job import Work
 from rsicalib.work.outcome import NOTHING, DateArg, about
+from rsicalib.work.reach import reach_told
 
 
 @options.checked
@@ -54,7 +55,8 @@ def fixture(
     Raises
     ------
     InputError
-        A pose is out of reach, or there are none.
+        A pose is out of reach (the message says in which line, which arm and by how much), or
+        there are none.
     """
     job = Work(mechanism, skip_bad_rows, None, about(device, note, date))
     job.take(readings, None, None, known_poses=True)
@@ -65,8 +67,12 @@ def fixture(
             "places without orientation",
             "known poses: x y z [length unit] and rx ry rz [rad]",
         )
+    read = job.readings[0]
+    labels = read.pose if read.held else None
+    where = (read.source, read.lines)
     try:
-        lines, count = _core.fixture(job.mechanism, table, poses)
+        with reach_told(job.mechanism, poses, *where, line_word=read.line_word, labels=labels):
+            lines, count = _core.fixture(job.mechanism, table, poses)
     except UndeterminedError as error:
         nothing = {"method": "fixture", "fit": NOTHING}
         return Calibration.made(job.too_few(Calibration, error, None) | nothing)
