@@ -63,6 +63,9 @@ def test_the_demo_explains_a_device_and_prints_the_path_of_its_report(tmp_path: 
     assert all(f"a{arm}{joint} " in text for arm in (1, 2, 3) for joint in (1, 2, 3))
     assert "held-out" in text and "check poses" in text and "more" not in text.split("→")[0]
     assert len(text.splitlines()) < 80
+    use = "→ Use it: rsicalib forward READINGS --calibration rsicalib-demo/result.json"
+    assert use in text.splitlines() and use in done.stdout.splitlines()  # it is copied as it stands
+    assert "--calibration rsicalib-demo/result.json<" in path.read_text().replace("</span>", "")
 
 
 def test_calibrate_and_trace_print_only_the_result_with_json() -> None:

@@ -19,6 +19,7 @@ import pytest
 import rsicalib
 from rsicalib import DEMO
 from rsicalib.cli import colours, completion, progress
+from rsicalib.cli.output import summary_of
 from rsicalib.cli.parser import make_parser
 from rsicalib.cli.progress import ProgressLine, progress_of
 from rsicalib.cli.streams import folded
@@ -55,10 +56,26 @@ def test_the_story_is_told_in_25_lines_with_the_misclosure_in_it() -> None:
         lines = result.summary().splitlines()
         assert len(lines) <= 25 and max(map(len, lines)) <= 100
         (line,) = (text for text in lines if "misclosure, rms [in]" in text)
-        assert lines[-1][-1] in ".:"  # what to do next is no half of a sentence
+        assert lines[-1][-1] in ".:)"  # what to do next is no half of a sentence
         rms = result.quality.rms_misclosure
         assert rms is not None
         assert float(line.split()[-1]) == pytest.approx(rms, rel=0.005)  # three digits
+
+
+def test_what_to_do_next_says_where_the_result_stands(tmp_path: Path) -> None:
+    def use(summary: str) -> str:
+        return next(line for line in summary.splitlines() if line.startswith("→ Use it"))
+
+    found = demo()
+    assert use(found.summary()) == "→ Use it: rsicalib.forward(readings, calibration=found)"
+    command = "rsicalib forward READINGS --calibration"
+    assert (
+        use(summary_of(found, None)) == f"→ Use it: add --out DIR, then {command} DIR/result.json"
+    )
+    assert use(summary_of(found, Path("re port"))) == f'→ Use it: {command} "re port/result.json"'
+    path = tmp_path / "r.json"
+    found.save(path)
+    assert f"{command} {path}" in rsicalib.load_calibration(path).summary(width=1000)
 
 
 @pytest.mark.parametrize("width", [60, 80, 97, 140])

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias, TypeVar
 from rsicalib import _core
 from rsicalib.cli.completion import script
 from rsicalib.cli.interruption import interruptible
-from rsicalib.cli.output import prepare, show, warn
+from rsicalib.cli.output import prepare, show, summary_of, warn
 from rsicalib.cli.progress import progress_of
 from rsicalib.cli.streams import columns_of, emit, folded, say
 from rsicalib.errors import InputError, UndeterminedError
@@ -191,7 +191,7 @@ def guide(args: Args) -> int:
     found = take_session(**_given(args, take_session), told=told)
     if found is None:
         raise UndeterminedError("the poses so far do not determine the calibration")
-    summary = found.summary(width=columns_of(sys.stdout))
+    summary = summary_of(found, args.out, columns_of(sys.stdout))
     return _told(args, found.to_json(), summary, found.exit_code)
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from rsicalib.facts.shapes import Parameter, ResultShape, TraceShape
 from rsicalib.plain_text import counted, wrapped
 from rsicalib.report.words import (
+    IN_PYTHON,
+    Kept,
     advice,
     between_words,
     comparison,
@@ -58,7 +60,13 @@ class Look:
         return max(most, -(-most * WIDTH // self.width))
 
 
-def summary(result: ResultShape, *, width: int | None = None, whole: bool = False) -> str:
+def summary(
+    result: ResultShape,
+    *,
+    width: int | None = None,
+    whole: bool = False,
+    kept: Kept = IN_PYTHON,
+) -> str:
     """Write what was found in a few lines for a terminal.
 
     Parameters
@@ -69,6 +77,8 @@ def summary(result: ResultShape, *, width: int | None = None, whole: bool = Fals
         Columns of the terminal; 100 where not given.
     whole : bool
         Say everything, in as many lines as it takes: for a file, or a pipe.
+    kept : Kept, optional
+        Where the result stands; in memory where not given.
 
     Returns
     -------
@@ -76,6 +86,7 @@ def summary(result: ResultShape, *, width: int | None = None, whole: bool = Fals
         Lines without a line feed at the end.
     """
     look = Look(WIDTH if width is None else max(NARROW, width), whole)
+    advised = advice(result, kept)
     head = _most(wrapped(sentence(result), look.width), 4, look)
     data = result.readings
     head += [
@@ -93,12 +104,12 @@ def summary(result: ResultShape, *, width: int | None = None, whole: bool = Fals
     else:
         middle = [*_left_out(result, look), *middle]
     if whole:
-        tail = _advice(result, None, look)
+        tail = _advice(advised, None, look)
         parts = [head, middle, _parameters(result, None, look), tail]
         return "\n\n".join("\n".join(part).removeprefix("\n") for part in parts if any(part))
     lines = look.lines(LINES)
     free = lines - len(head) - len(middle) - 2 if isinstance(result, TraceShape) else 0
-    tail = _advice(result, max(free, look.lines(ADVICE)), look)
+    tail = _advice(advised, max(free, look.lines(ADVICE)), look)
     if tail:
         tail = ["", *tail]
     room = max(lines - len(head) - len(tail) - 1, 1)
@@ -148,10 +159,10 @@ def _listed(label: str, texts: Sequence[str], most: int, look: Look) -> list[str
     return [*lines, f"  {'':10}and {more} more"] if more > 0 else lines
 
 
-def _advice(result: ResultShape, room: int | None, look: Look) -> list[str]:
+def _advice(advised: Sequence[str], room: int | None, look: Look) -> list[str]:
     """What to do next: whole sentences, as many as there is room for, the first in any case."""
     lines: list[str] = []
-    for text in advice(result)[: None if room is None else 3]:
+    for text in advised[: None if room is None else 3]:
         more = wrapped(text, look.width, initial_indent="→ ", subsequent_indent="  ")
         if room is None or not lines or len(lines) + len(more) <= room:
             lines += more[:room]

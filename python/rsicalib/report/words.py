@@ -584,7 +584,32 @@ def excluded_words(entry: Excluded) -> str:
     return f"{where}: {entry.reason}"
 
 
-def advice(result: ResultShape) -> list[str]:
+class Kept(NamedTuple):
+    """Where a result stands: by it advice says how the result is used."""
+
+    file: str | None = None
+    """Its file; None of a result that is in memory alone, where it is used from Python."""
+    first: str = ""
+    """What makes the file, where it is not there."""
+
+    def used(self, result: ResultShape, verb: str, data: str) -> str:
+        """How a verb uses the result: as a command, or as a call. No full stop is copied with it.
+
+        Examples
+        --------
+        >>> Kept().used(None, "forward", "READINGS")
+        'rsicalib.forward(readings, calibration=found)'
+        """
+        if self.file is None:
+            return f"rsicalib.{verb}({data.lower()}, calibration=found)"
+        file = f'"{self.file}"' if " " in self.file else self.file
+        return f"{self.first}rsicalib {verb} {data}{_given(result)} --calibration {file}"
+
+
+IN_PYTHON = Kept()
+
+
+def advice(result: ResultShape, kept: Kept = IN_PYTHON) -> list[str]:
     """What to do, or to measure, next."""
     out = []
     fit = quality(result)
@@ -594,8 +619,7 @@ def advice(result: ResultShape) -> list[str]:
     if warned:
         out.append("See to the warning first, then trace again.")
     elif result.verdict in ("adequate", "explained"):
-        how = f"rsicalib forward READINGS{_given(result)} --calibration result.json"
-        out.append(f"{_use(result)}: {how}.")
+        out.append(f"{_use(result)}: {kept.used(result, 'forward', 'READINGS')}")
     # Where nothing was fitted, what is lacking says what to do.
     if result.verdict == "undetermined" and result.parameters and not warned:
         less = (
@@ -613,8 +637,8 @@ def advice(result: ResultShape) -> list[str]:
     left = not against or any(reason.kind in TRACED for reason in result.reasons)
     if result.verdict == "unexplained" and isinstance(result, CalibrationShape) and left:
         out.append("Find what is missing: rsicalib trace, with the same files.")
-    given = {"given": _given(result)}
-    out += list(dict.fromkeys(ADVICE[reason.kind].format(**given) for reason in against))
+    again = kept.used(result, "calibrate", "CHECK")
+    out += list(dict.fromkeys(ADVICE[reason.kind].format(again=again) for reason in against))
     if result.verdict == "unjudged" and result.method != "fixture":
         seated = result.noise is not None and result.noise.seating is not None
         out.append(
@@ -662,7 +686,7 @@ TRACED = ("residual", "check", "check_orientation")
 
 ADVICE = {
     "open_loops": "The mechanism is not what it was in the session, or the check readings are of "
-    "another one: rsicalib calibrate CHECK{given} --calibration result.json says what has changed.",
+    "another one. To see what has changed: {again}",
     "check": "Check poses are off by more than predicted: record poses like them, and see whether "
     "the known poses are as good as they are taken for (--check-noise says how good).",
     "check_orientation": "Check poses are turned by more than predicted: see whether the known "
@@ -689,7 +713,7 @@ ADVICE = {
     "and see whether it is found again.",
 }
 """What to do where readings that a fit has not seen speak against it, by the kind of reason;
-`given` is the option that says the mechanism."""
+`again` is how check readings are compared with the result."""
 
 
 def _implausible(result: ResultShape) -> list[str]:

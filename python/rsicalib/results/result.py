@@ -22,7 +22,7 @@ from rsicalib.io.files import write_text
 from rsicalib.io.sources import read_text
 from rsicalib.options import checked
 from rsicalib.plain_text import counted
-from rsicalib.report.words import quality
+from rsicalib.report.words import Kept, quality
 from rsicalib.results.interactive import Interactive
 
 
@@ -75,6 +75,11 @@ class Result(Interactive, eq=False, repr=False, kw_only=True):
         """The file that it was read from; `this result` of one that was made or changed here."""
         return str(vars(self).get("_file", "this result"))
 
+    @property
+    def _kept(self) -> Kept:
+        """The file that it was read from, for what to do next."""
+        return Kept(vars(self).get("_file"))
+
     def to_dict(self) -> dict[str, Any]:
         """Write the result as plain values, with the digest of its numbers."""
         out = super().to_dict()
@@ -101,7 +106,7 @@ class Result(Interactive, eq=False, repr=False, kw_only=True):
         """
         from rsicalib.report.terminal import summary
 
-        return summary(self, width=width, whole=whole)
+        return summary(self, width=width, whole=whole, kept=self._kept)
 
     @checked
     def report(self, *, target: float | None = None) -> str:
@@ -115,7 +120,7 @@ class Result(Interactive, eq=False, repr=False, kw_only=True):
         """
         from rsicalib.report.page import html
 
-        return html(self, self.evidence, target)
+        return html(self, self.evidence, target, self._kept)
 
     @checked
     def figures(self, *, target: float | None = None) -> dict[str, str]:
