@@ -511,6 +511,16 @@ def test_arrays_that_do_not_fit_are_refused(change, column, found):
     assert (caught.value.where["column"], caught.value.where["found"]) == (column, found)
 
 
+def test_a_masked_reading_of_an_array_is_blank():
+    """The number below a mask was taken for a reading."""
+    values = np.ma.array(session()[0])
+    assert load_readings(values, RSI).values.tolist() == session()[0].tolist()
+    values[3, 1] = np.ma.masked
+    with pytest.raises(InputError, match="row 4, column a12: found blank"):
+        load_readings(values, RSI)
+    assert len(load_readings(values, RSI, skip_bad_rows=True)) == len(values) - 1
+
+
 def test_a_mask_says_which_rows_are_used_and_no_other_column_is_one():
     values = session()[0]
     columns = {c.name: values[:, k] for k, c in enumerate(RSI.channels)}

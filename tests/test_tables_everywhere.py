@@ -117,3 +117,12 @@ def test_a_watch_over_devices_takes_a_frame(found: Trace, tmp_path: Path) -> Non
     watch = rsicalib.watch_devices(table, tmp_path, crank.MECHANISM)
     assert list(watch) == []
     assert watch.summary().rows == 60
+
+
+def test_a_cell_of_which_pandas_says_nothing_is_blank() -> None:
+    table = pandas.DataFrame(crank.columns()).astype(object)
+    table.loc[5, "crank"] = pandas.NA
+    with pytest.raises(InputError, match="row 6, column crank: found blank"):
+        rsicalib.load_readings(table, crank.MECHANISM)
+    kept = rsicalib.load_readings(table, crank.MECHANISM, skip_bad_rows=True)
+    assert len(kept) == len(table) - 1

@@ -221,11 +221,7 @@ def _arrow(column: Any) -> Any:
 
 def _plain(cells: Any) -> Cells:
     """Numbers stay an array; text and objects become a list, None where nothing is known."""
-    if isinstance(cells, np.ma.MaskedArray):
-        array = cells.data.astype(object)
-        array[np.ma.getmaskarray(cells)] = None
-    else:
-        array = uncast(cells.to_numpy() if hasattr(cells, "to_numpy") else cells)
+    array = uncast(cells.to_numpy() if hasattr(cells, "to_numpy") else cells)
     if array.ndim != 1:
         raise InputError.at(SOURCE, f"a column of shape {array.shape}", "(n,)")
     if array.dtype.kind in "iuf":

@@ -381,11 +381,7 @@ def table_of_arrays(blocks: list[tuple[Sequence[str], object]], source: str) -> 
 
 
 def _array(given: object, column: str | None, source: str) -> npt.NDArray[Any]:
-    """An array of numbers, text or objects; masked entries become None, so they count as blank."""
-    if isinstance(given, np.ma.MaskedArray):
-        cells = given.data.astype(object)
-        cells[np.ma.getmaskarray(given)] = None
-        given = cells
+    """An array of numbers, text or objects, or of dates."""
     try:
         array = uncast(given)
     except ValueError as error:
@@ -400,11 +396,21 @@ def _array(given: object, column: str | None, source: str) -> npt.NDArray[Any]:
 
 
 def uncast(given: object) -> npt.NDArray[Any]:
-    """An array of what is given; of objects where NumPy would make 1 of a True among numbers."""
+    """An array of what is given; of objects where NumPy would make 1 of a True among numbers, or
+    'nan' of a NaN among texts.
+
+    What is masked becomes None, which counts as blank.
+    """
+    if isinstance(given, np.ma.MaskedArray):
+        array = given.data.astype(object)
+        array[np.ma.getmaskarray(given)] = None
+        return array
     array = np.asarray(given)
-    if array is given or array.dtype.kind not in "iuf" or hasattr(given, "dtype"):
+    if array is given or array.dtype.kind not in "iufU" or hasattr(given, "dtype"):
         return array
     cells = np.asarray(given, dtype=object)
+    if array.dtype.kind == "U":
+        return array if all(isinstance(c, str) for c in cells.flat) else cells
     return cells if any(isinstance(c, bool | np.bool_) for c in cells.flat) else array
 
 
