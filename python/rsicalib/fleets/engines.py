@@ -16,7 +16,7 @@ from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.fleets.dataset import Partition, Piece
 from rsicalib.fleets.devices import calibrate_devices, without
-from rsicalib.fleets.frames import Rows, joined_rows
+from rsicalib.fleets.frames import Rows, devices_in, joined_rows
 from rsicalib.fleets.levels import groups_of
 from rsicalib.fleets.store import Parts
 
@@ -83,7 +83,7 @@ class Job:
             except InputError as error:
                 if not partition.apart:
                     raise
-                refused |= dict.fromkeys(frame[self.by], error.message)
+                refused |= dict.fromkeys(devices_in(frame[self.by]), error.message)
         made = joined_rows(rows, self.refuse(refused))
         place = {label: k for k, label in enumerate(partition.labels)}
         order = sorted(range(len(place)), key=lambda k: place[made[self.by][k]])

@@ -15,7 +15,7 @@ from rsicalib.errors import InputError
 from rsicalib.fleets.dataset import Partition
 from rsicalib.fleets.devices import devices_of
 from rsicalib.fleets.engines import Part
-from rsicalib.fleets.frames import Rows, numbers_of
+from rsicalib.fleets.frames import Rows, devices_in, numbers_of
 from rsicalib.fleets.levels import Levels
 from rsicalib.fleets.store import Parts
 from rsicalib.work.arguments import names_in, noise_of_channels
@@ -77,7 +77,7 @@ class ShareJob:
         except InputError as error:
             if not partition.apart:
                 raise
-            refused = dict.fromkeys(partition.frame[self.by], error.message)
+            refused = dict.fromkeys(devices_in(partition.frame[self.by]), error.message)
             return self.refuse(refused | dict(partition.refused))
         usable = [one for one in devices if one.refused is None]
         found = _core.shares(
