@@ -141,14 +141,20 @@ def _demo(sub: Verb) -> None:
     sub.shares("out force")
 
 
-def _fitted(sub: Verb, *, is_trace: bool) -> None:
-    words = "CSV, Parquet, or a log that `import` knows; several are sessions"
-    sub.takes("readings READINGS", words, nargs="+")
-    sub.shares("mechanism rest check check-point align")
+def _checked(sub: Verb) -> None:
+    """Known poses, and what is told of them."""
+    sub.shares("check check-point align")
     words = "standard deviation of a coordinate of known places; exact where not given"
     sub.takes("--check-noise LENGTH", words, parsed("check_noise"))
     words = "standard deviation of known angles; exact where not given"
     sub.takes("--check-noise-angle RAD", words, parsed("check_noise_angle"))
+
+
+def _fitted(sub: Verb, *, is_trace: bool) -> None:
+    words = "CSV, Parquet, or a log that `import` knows; several are sessions"
+    sub.takes("readings READINGS", words, nargs="+")
+    sub.shares("mechanism rest")
+    _checked(sub)
     sub.takes("--calibration FILE", "start from an earlier result")
     words = "population.json of `fleet --population`: a prior of the parameters"
     sub.takes("--population FILE", words)
@@ -183,7 +189,9 @@ def _trace(sub: Verb) -> None:
 @_of(verbs.fixture)
 def _fixture(sub: Verb) -> None:
     sub.takes("readings READINGS", "with the columns x y z rx ry rz")
-    sub.shares("mechanism check check-point align skip-bad-rows device note date out force")
+    sub.shares("mechanism")
+    _checked(sub)
+    sub.shares("skip-bad-rows device note date out force")
 
 
 @_of(verbs.forward)

@@ -25,6 +25,9 @@ def fixture(
     mechanism: MechanismArg = "rsi",
     *,
     check: ReadingsArg | None = None,
+    check_point: str | None = None,
+    check_noise: float | None = None,
+    check_noise_angle: float | None = None,
     align: bool = False,
     skip_bad_rows: bool = False,
     device: str | None = None,
@@ -41,7 +44,7 @@ def fixture(
         What is read.
     check : path or Readings, optional
         Other known poses, for the error of the platform.
-    align : bool, optional
+    check_point, check_noise, check_noise_angle, align : optional
         As in `calibrate`.
     skip_bad_rows, device, note, date : optional
         As in `calibrate`.
@@ -60,6 +63,7 @@ def fixture(
     """
     job = Work(mechanism, skip_bad_rows, None, about(device, note, date))
     job.take(readings, None, None, known_poses=True)
+    known = job.known(check, check_point, (check_noise, check_noise_angle), align)
     table, poses, *_ = posed(job.readings[0], job.mechanism)
     if not np.isfinite(poses).all(axis=1).any():
         raise InputError.at(
@@ -112,7 +116,6 @@ def fixture(
         "termination": "one linear step",
     }
     result = Calibration.made(job.result(Calibration, found, None))
-    known = job.known(check)
     if known is None:
         return result
     fit = {"check": job.error(known, result, False), "aligned": None}
