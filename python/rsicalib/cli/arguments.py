@@ -67,6 +67,12 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
+def _file(text: str) -> Path:
+    if not _folder(text).name:
+        raise argparse.ArgumentTypeError(f"found {quoted(text)}, expected the name of a file")
+    return Path(text)
+
+
 READ: dict[str, Callable[[str], Any]] = {
     **dict.fromkeys(("COLUMN,…", "FILE,…", "NAME,…", "TERM,…"), _names),
     "CHANNEL=NAME,…": _channels,
@@ -112,7 +118,9 @@ class Verb:
         """
         name, _, value = told.partition(" ")
         if value:
-            read = read or (_folder if name in ("out", "--out") else READ.get(value))
+            if name in ("out", "--out"):
+                read = _file if value == "FILE" else _folder
+            read = read or READ.get(value)
             more |= {"metavar": value, "type": read}
         elif name.startswith("--") and "choices" not in more:
             more.setdefault("action", "store_true")

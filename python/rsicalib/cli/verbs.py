@@ -164,14 +164,18 @@ def plan(args: Args) -> int:
     from rsicalib.planning.plan import plan as plan_poses
     from rsicalib.report.poses import poses_html
 
+    sheet = None if args.out is None else args.out.with_suffix(".html")
+    if sheet is not None and sheet == args.out:
+        expected = "the name of a CSV file: the page is written beside it"
+        raise InputError(f"--out: found '{args.out}', expected {expected}")
     args.mechanism = api.load_mechanism(args.mechanism)
     warn(args, args.mechanism.doubts)
     found = _heard(args, lambda _: plan_poses(**_given(args, plan_poses)), "choose poses")
-    if args.out is not None:
+    if sheet is not None:
         brings = [("", list(found.advice)), *found.brings()]
         shown = found.mechanism, found.length_unit, found.csv(), brings, found.poses
         page = f"{poses_html(*shown)}<!-- {MARK} -->\n"
-        files = {args.out.name: found.csv(), args.out.with_suffix(".html").name: page}
+        files = {args.out.name: found.csv(), sheet.name: page}
         write_folder(args.out.parent, files, force=args.force)
     return _told(args, _document("rsicalib.plan/1", found), found.text())
 

@@ -103,6 +103,8 @@ def write_folder(
         One cannot write there, another process is writing there, or a file that is there was
         not written by this package. No file is changed then, save where the disk is full.
     """
+    if not os.fspath(folder):
+        raise InputError("found no name, expected that of a folder")
     folder = Path(folder)
     _make(folder)
     with _locked(folder):
@@ -170,7 +172,7 @@ def _make(folder: Path) -> None:
 
 def _remove(path: Path) -> None:
     try:
-        path.unlink(missing_ok=True)
+        Path(os.path.realpath(path)).unlink(missing_ok=True)
     except OSError as error:
         found = f"'{path}', where one cannot write ({error.strerror})"
         raise InputError(f"found {found}, expected a place for a file") from None
