@@ -22,7 +22,7 @@ from rsicalib import _core
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 from rsicalib.io.csv_text import read_csv_text
-from rsicalib.io.extras import parquet_modules
+from rsicalib.io.extras import parquet_modules, read_by
 from rsicalib.io.sources import decoded, read_bytes, refuse_larger, unpacked
 from rsicalib.io.times import dates_of, seconds_of_dates
 
@@ -305,17 +305,12 @@ def _misfit(row: list[str], names: list[str]) -> Ragged:
 
 def _read_parquet(data: bytes, source: str, sha256: str) -> Table:
     pyarrow, parquet = parquet_modules(source)
-    try:
+    with read_by("pyarrow", source, "a Parquet file"):
         file = parquet.ParquetFile(io.BytesIO(data))
         # A column that repeats one number takes no room in the file.
         refuse_larger(8.0 * file.metadata.num_rows * file.metadata.num_columns, source, " in cells")
         table = file.read()
         columns = [parquet_cells(column, pyarrow.types) for column in table.columns]
-    except InputError:
-        raise
-    except (pyarrow.ArrowException, OSError, ValueError, OverflowError) as error:
-        found = f"what pyarrow cannot read ({_first_line(error)})"
-        raise InputError.at(source, found, "a Parquet file") from error
     return Table(
         names=[name.strip() for name in table.column_names],
         columns=columns,
@@ -335,10 +330,6 @@ def parquet_cells(column: Any, types: Any) -> Sequence[Any] | npt.NDArray[Any]:
     cells: Sequence[Any] | npt.NDArray[Any]
     cells = column.to_numpy() if plain and not column.null_count else column.to_pylist()
     return cells
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def table_of_arrays(blocks: list[tuple[Sequence[str], object]], source: str) -> Table:
