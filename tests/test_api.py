@@ -9,6 +9,7 @@ import datetime
 import importlib
 import inspect
 import json
+import pickle
 import re
 import subprocess
 import sys
@@ -21,6 +22,7 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, Calibration, InputError, Trace
+from rsicalib.errors import ResultError
 from tests import oracle
 from tests.test_families import clean
 
@@ -463,3 +465,31 @@ def test_a_result_of_another_kind_is_refused_by_its_format() -> None:
     found = rsicalib.demo().to_dict()
     with pytest.raises(InputError, match=r"rsicalib\.trace/1.*rsicalib\.calibration/1"):
         rsicalib.Calibration.from_dict(found)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"covariance": [[1, 2], [3]]}, r"result, covariance: found 2 rows"),
+        ({"parameters": "abc"}, r"result, parameters .*: found text"),
+        ({"verdict": "foo"}, r"result, verdict .*: found unknown variant `foo`"),
+        ({"note": object()}, r"found what is no value of JSON"),
+    ],
+)
+def test_values_of_a_result_are_checked_as_its_file_is(
+    traced: Trace, change: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        Trace.from_dict({**traced.to_dict(), **change})
+
+
+@pytest.mark.parametrize("given", [{}, None, 3])
+def test_what_is_no_result_is_refused(given: Any) -> None:
+    with pytest.raises(InputError, match=r"^result"):
+        Trace.from_dict(given)
+
+
+def test_errors_come_back_from_other_processes() -> None:
+    for error in (ResultError("a", "b", "c"), InputError.at("f", "x", "y", line=3)):
+        again = pickle.loads(pickle.dumps(error))
+        assert str(again) == str(error) and vars(again) == vars(error)

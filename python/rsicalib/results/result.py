@@ -13,7 +13,7 @@ import numpy as np
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
-from rsicalib.errors import InputError, ResultError, UndeterminedError
+from rsicalib.errors import InputError, InputTypeError, ResultError, UndeterminedError
 from rsicalib.facts.digest import digest_of_numbers
 from rsicalib.facts.records import NOT_WRITTEN, to_json
 from rsicalib.facts.shapes import CalibrationShape, Evidence, FitQuality, TraceShape
@@ -21,7 +21,7 @@ from rsicalib.facts.verdicts import EXIT_CODES
 from rsicalib.io.files import write_text
 from rsicalib.io.sources import read_text
 from rsicalib.options import checked
-from rsicalib.plain_text import counted
+from rsicalib.plain_text import counted, quoted
 from rsicalib.report.words import Kept, quality
 from rsicalib.results.interactive import Interactive
 
@@ -150,16 +150,54 @@ class Result(Interactive, eq=False, repr=False, kw_only=True):
     @classmethod
     def made(cls, found: Mapping[str, Any]) -> Self:
         """A result of what was found just now, with the digest of its numbers."""
-        result = cls.from_dict({**found, "digest": None})
+        result = cls._of({"format": cls.FORMAT, **found, "digest": None})
         return replace(result, digest=digest_of_numbers(result))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Read a result back from its dictionary."""
+        """Read a result back from its dictionary, checked as its file is.
+
+        Parameters
+        ----------
+        data : mapping
+            As `to_dict` writes it.
+
+        Raises
+        ------
+        InputError
+            It is no such result: the place, what was found and what was expected.
+        """
+        if not isinstance(data, Mapping):
+            expected = "a dictionary of its values"
+            raise InputTypeError(f"result: found {quoted(data)}, expected {expected}")
         given = data.get("format", cls.FORMAT)
         if given != cls.FORMAT:
             raise InputError(f"format: found {given!r}, expected {cls.FORMAT!r}: of {cls.__name__}")
-        return super().from_dict({**data, "format": given})
+        try:
+            text = to_json({**data, "format": given})
+        except (TypeError, ValueError) as error:
+            found, expected = f"what is no value of JSON ({error})", "numbers, texts, lists of them"
+            raise InputError.at("result", found, expected) from None
+        return cls._of(read_result(text, "result"))
+
+    @classmethod
+    def _of(cls, data: Mapping[str, Any]) -> Self:
+        """A result of values that are checked."""
+        return super().from_dict(data)
+
+
+def read_result(text: str, source: str) -> dict[str, Any]:
+    """The values of a result from its text, as the core checks them.
+
+    Raises
+    ------
+    InputError
+        The text is no result; `source` is what the message calls it.
+    """
+    try:
+        return _core.read_result(text)
+    except ResultError as error:
+        raise InputError.at(source, error.found, error.expected, place=error.place) from None
 
 
 class Calibration(Result, CalibrationShape, eq=False, repr=False, kw_only=True):
@@ -207,11 +245,8 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | Trace:
     if isinstance(path, str) and path.lstrip().startswith("{"):
         raise InputError("calibration: found the text of a file, expected its path, or a result")
     text = read_text(path, "a result of `rsicalib calibrate --json` or `rsicalib trace --json`")
-    try:
-        data = _core.read_result(text)
-        kinds: dict[str, type[Calibration | Trace]] = {k.FORMAT: k for k in (Calibration, Trace)}
-        result = kinds[data["format"]].from_dict(data)
-        vars(result)["_file"] = name
-        return result
-    except ResultError as error:
-        raise InputError.at(name, error.found, error.expected, place=error.place) from None
+    data = read_result(text, name)
+    kinds: dict[str, type[Calibration | Trace]] = {k.FORMAT: k for k in (Calibration, Trace)}
+    result = kinds[data["format"]]._of(data)
+    vars(result)["_file"] = name
+    return result
