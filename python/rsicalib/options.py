@@ -183,9 +183,14 @@ def checked(verb: Callable[P, T]) -> Callable[P, T]:
 
 
 def _known_name(given: str, known: Sequence[str]) -> str:
-    """The known name that is nearest, with the value that stands behind it; else as given."""
+    """The known name that is nearest, with the parameter and the value that stand behind it; else
+    as given.
+    """
     name, equals, value = given.partition("=")
-    return (nearest(name, known) or name) + equals + value
+    stem, dot, parameter = name.rpartition(".")
+    near = nearest(stem, known) if dot and name not in known else None
+    near = nearest(name, known) if near is None else f"{near}.{parameter}"
+    return (near or name) + equals + value
 
 
 def parsed(name: str) -> Callable[[str], Any]:

@@ -31,6 +31,11 @@ def counted(number: int, what: str) -> str:
     return f"{number} {what}{'s' * (number != 1)}"
 
 
+def installed_by(extra: str) -> str:
+    """How an extra of the package is installed: quoted, as brackets are a pattern for shells."""
+    return f"pip install 'rsicalib[{extra}]'"
+
+
 def printable(text: str) -> str:
     r"""Text with its control characters written out; ends of lines and tabs stay.
 

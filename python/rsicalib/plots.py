@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray
+from rsicalib.plain_text import installed_by
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +44,7 @@ def on_axes(ax: Axes | None, **size: Any) -> Axes:
     try:
         from matplotlib import pyplot
     except ImportError as error:
-        raise ImportError("a plot needs matplotlib: pip install rsicalib[plot]") from error
+        raise ImportError(f"a plot needs matplotlib: {installed_by('plot')}") from error
     new: Axes = pyplot.subplots(**{"layout": "constrained", **size})[1]
     return new
 

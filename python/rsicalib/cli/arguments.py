@@ -29,7 +29,7 @@ def _pairs(text: str) -> dict[str, str]:
     pairs = [item.split("=", 1) for item in _names(text)]
     wrong = next((pair[0] for pair in pairs if len(pair) < 2 or not all(pair)), None)
     if wrong is not None:
-        raise argparse.ArgumentTypeError(f"found {wrong!r}, expected name=name,…")
+        raise argparse.ArgumentTypeError(f"found {wrong!r}, expected name=value,…")
     found = {a.strip(): b.strip() for a, b in pairs}
     if len(found) < len(pairs):
         raise argparse.ArgumentTypeError(f"found a name twice in {text!r}, expected each once")
@@ -51,12 +51,10 @@ def _numbers(text: str) -> list[int]:
 
 def _noise(text: str) -> float | dict[str, float]:
     one: Callable[[str], float] = parsed("noise")
+    pairs = _pairs(text) if "=" in text else None
     try:
-        if "=" not in text:
-            return one(text)
-        pairs = (item.split("=", 1) for item in _names(text))
-        return {name.strip(): one(value.strip()) for name, value in pairs}
-    except (ValueError, argparse.ArgumentTypeError):
+        return one(text) if pairs is None else {name: one(value) for name, value in pairs.items()}
+    except argparse.ArgumentTypeError:
         expected = f"{NUMBERS['noise'].expected}, or a11=1.2,a12=1.1,…"
         raise argparse.ArgumentTypeError(f"found {quoted(text)}, expected {expected}") from None
 

@@ -68,10 +68,16 @@ FILES = (RESULT, "report.txt", "report.html", "calibrated.toml")
 """What stands in the folder of every result."""
 
 
-def prepare(args: argparse.Namespace) -> None:
+def prepare(args: argparse.Namespace, names: Sequence[str] = FILES) -> None:
     """Refuse a folder whose files are not ours, before anything is computed."""
     if args.out is not None:
-        refuse_foreign(args.out, FILES, force=args.force)
+        refuse_foreign(args.out, names, force=args.force)
+
+
+def prepare_file(args: argparse.Namespace, *beside: str) -> None:
+    """Refuse a file that is not ours, and the names `beside` it, before anything is computed."""
+    if args.out is not None:
+        refuse_foreign(args.out.parent, [args.out.name, *beside], force=args.force)
 
 
 def _files(args: argparse.Namespace, result: Result) -> dict[str, str]:

@@ -34,7 +34,7 @@ class _Parser(argparse.ArgumentParser):
             options = (word.split("=", 1)[0] for word in words[1:] if word.startswith("--"))
             known = self._options(verb)
             for word in options if known else ():
-                if not any(option.startswith(word) for option in known):
+                if word not in known:
                     self._refuse(verb, word)
             raise
         if rest:
@@ -52,7 +52,11 @@ class _Parser(argparse.ArgumentParser):
 
     def _refuse(self, verb: str, word: str) -> NoReturn:
         """Refuse a word that is no option of a verb, with the one that may be meant."""
-        hint = meant(word, self._options(verb))
+        known = self._options(verb)
+        if word in known:  # of this parser it is none
+            found = f"found {quoted(word)} before {verb}, expected it behind"
+            raise InputError(f"{found}: {self.prog} {verb} … {word}")
+        hint = meant(word, known)
         message = f"found {quoted(word)}{hint}, expected an option of {verb}"
         raise InputError(f"{message}. See `{self.prog} {verb} --help`.")
 
@@ -65,6 +69,7 @@ def make_parser() -> argparse.ArgumentParser:
     """Make the parser; a parsed verb stands in `run`."""
     parser = _Parser(
         prog="rsicalib",
+        allow_abbrev=False,  # an abbreviation would break with the next option
         description="Calibration of closed kinematic chains from their own joint readings. "
         "Begin with: rsicalib demo",
         epilog="exit codes: 0 usable, 1 a defect of ours, 2 unusable input or options, "
@@ -75,7 +80,7 @@ def make_parser() -> argparse.ArgumentParser:
     for run, add in ARGUMENTS.items():
         words = (run.__doc__ or "").strip().splitlines()[0]
         name = run.__name__.rstrip("_")  # `import` is a word of Python
-        sub = subparsers.add_parser(name, help=words, description=words)
+        sub = subparsers.add_parser(name, help=words, description=words, allow_abbrev=False)
         sub.set_defaults(run=run)
         verb = Verb(sub)
         verb.takes("--json", "the result on standard output, and nothing else there")

@@ -19,6 +19,7 @@ from rsicalib.fleets.devices import calibrate_devices, without
 from rsicalib.fleets.frames import Rows, devices_in, joined_rows
 from rsicalib.fleets.levels import groups_of
 from rsicalib.fleets.store import Parts
+from rsicalib.plain_text import installed_by
 
 Part: TypeAlias = Partition | Piece
 """What is handed out: rows, or where they are."""
@@ -134,7 +135,7 @@ def over_dask(job: Task, partitions: Iterable[Part], address: str) -> Iterator[t
     try:
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
-        hint = "Install it with: pip install rsicalib[dask]"
+        hint = f"Install it with: {installed_by('dask')}"
         raise InputError(f"--dask: found no package 'distributed', expected it. {hint}") from None
     try:
         client = distributed.Client(address, timeout="10s")

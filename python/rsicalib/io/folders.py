@@ -135,6 +135,8 @@ def refuse_foreign(
     folder = Path(folder)
     for name in () if force else names:
         path = folder / name
+        if path.is_dir():
+            raise InputError.at(str(path), "a directory", "the name of a file")
         if os.path.exists(path) and not _is_ours(path):
             found = "a file that rsicalib did not write"
             hint = "Choose another folder, or replace the file with --force (force=True)."

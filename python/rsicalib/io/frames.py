@@ -162,7 +162,7 @@ def columns_of(frame: Any) -> Columns:
         names = list(map(str, frame.columns))
         _refuse_doubled(names)
         cells = [frame[name] for name in frame.columns]
-    elif in_memory(frame):
+    elif is_frame(frame):
         return columns_of(_as_arrow(frame))
     else:
         expected = "a data frame, or a mapping of names to arrays"

@@ -103,7 +103,7 @@ class Interactive(Tabular, ResultShape, eq=False, repr=False, kw_only=True):
         }
 
     def plot(self, kind: Kind | None = None, *, ax: Axes | None = None) -> Axes:
-        """Draw the result; needs matplotlib (`pip install rsicalib[plot]`).
+        """Draw the result; needs matplotlib (`pip install 'rsicalib[plot]'`).
 
         Parameters
         ----------
