@@ -799,3 +799,8 @@ def test_a_source_that_ends_early_determines_nothing(tmp_path: Path) -> None:
         timeout=60,
     )
     assert run.returncode == 3 and "do not determine" in run.stderr
+
+
+def test_an_address_of_another_machine_is_named_by_its_option() -> None:
+    with pytest.raises(InputError, match=r"^--host: found 192\.0\.2\.1 .* address of this machine"):
+        Page(lambda: {}, {}, host="192.0.2.1")

@@ -113,7 +113,7 @@ def guide(
             raise InputError(f"guide: found {found}, expected the standard deviation to reach")
         bounds = workspace(opened, None)[:3]
         target = TRAVEL * float((bounds[:, 1] - bounds[:, 0]).max())
-    at_rest = None if rest is None else load(rest, Bare(opened), False)
+    at_rest = None if rest is None else load(rest, Bare(opened), False, "rest")
     names = [c.name for c in opened.channels]
     keys = opened.key_columns
     unknown = [name for name in labels or {} if name not in keys]

@@ -114,7 +114,7 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
     for name in needed:
         if name not in index and name not in mechanism.optional_columns:
             expected = f"a column '{name}' ({_role(name, mechanism)})"
-            hint = _header_hint(name, table.names, used, mechanism)
+            hint = _header_hint(name, table.names, used, mechanism, table.in_memory)
             hint += _by_import(name, table, mechanism)
             raise refuse(name, ABSENT, expected, hint)
     poses = [name for name in POSE if name in index and name not in needed]
@@ -176,7 +176,11 @@ def _role(name: str, mechanism: MechanismLike) -> str:
 
 
 def _header_hint(
-    name: str, names: list[str], known: Container[str], mechanism: MechanismLike
+    name: str,
+    names: list[str],
+    known: Container[str],
+    mechanism: MechanismLike,
+    in_memory: bool,
 ) -> str:
     """Advice on what may be wrong with the header."""
     for other in names:
@@ -185,6 +189,8 @@ def _header_hint(
     if len(names) == 1 and name in names[0]:
         return "The header has one column only; separate columns by commas."
     if names and np.isfinite(numbers(names)).all():
+        if in_memory:
+            return "The names of the columns are numbers; name them as the channels."
         return "The first line holds numbers; put a header line above it."
     hint = meant(name, [other for other in names if other not in known])
     columns = f"The columns are: {', '.join(names)[:200]}{hint}."

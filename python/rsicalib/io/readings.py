@@ -84,6 +84,8 @@ class Readings(Samples, Tabular):
         Rows that were dropped because the caller asked for it.
     line_word : {"line", "row"}
         What `lines` counts.
+    in_memory : bool
+        Whether the caller had them in memory: `source` is then no file.
     repeats : ndarray of int, shape (n,), or None
         Without poses: the first row of the held pose that each row plainly repeats, of which a
         warning tells. A fit takes such rows for samples of that pose.
@@ -272,9 +274,23 @@ def load_readings(
         The file cannot be used; `where` says file, line, column, what was found and
         what was expected.
     """
+    return load_as("", readings, mechanism, skip_bad_rows)
+
+
+def load_as(
+    called: str,
+    readings: str | os.PathLike[str] | TableArg,
+    mechanism: MechanismLike,
+    skip_bad_rows: bool,
+) -> Readings:
+    """What `load_readings` gives; messages call what is in memory by its argument, if that is not
+    blank.
+    """
     if not isinstance(readings, str | os.PathLike):
         names = [channel.name for channel in mechanism.channels]
-        return readings_of_table(table_in_memory(readings, names), mechanism, skip_bad_rows)
+        source = f"{called} ({SOURCE})" if called else SOURCE
+        table = table_in_memory(readings, names, source)
+        return readings_of_table(table, mechanism, skip_bad_rows)
     file = read_file(readings)
     numbers = None if skip_bad_rows else table_of_numbers(file)
     if numbers is not None and not {*mechanism.key_columns, *TEXTS} & {*numbers.names}:
@@ -351,6 +367,7 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
         sha256=table.sha256,
         skipped=skipped,
         line_word=table.line_word,
+        in_memory=table.in_memory,
     )
     check_poses_are_together(readings)
     repeats, said = numbered(readings, mechanism)
@@ -404,7 +421,7 @@ def _skipped(
             hint = "No row can be used."
             if fault.column in table.names:
                 cell = table.columns[table.names.index(fault.column)][first]
-                said = meaning_of(fault.column, cell, mechanism, table.source == SOURCE)
+                said = meaning_of(fault.column, cell, mechanism, table.in_memory)
                 hint = f"{hint} {said}".strip()
         raise table.fault(first, fault.column, fault.found, fault.expected, hint)
     return tuple(

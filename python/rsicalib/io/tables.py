@@ -92,6 +92,8 @@ class Table:
         Line of the header.
     decimal : {".", ","}
         What stands before decimals in text.
+    in_memory : bool
+        Whether the caller had it in memory: there is no file that it stands in.
     """
 
     names: list[str]
@@ -103,6 +105,7 @@ class Table:
     ragged: dict[int, Ragged] = field(default_factory=dict)
     header: int = 1
     decimal: str = "."
+    in_memory: bool = False
 
     def fault(
         self, row: int, column: str | None, found: str, expected: str, hint: str = ""
@@ -368,7 +371,7 @@ def table_of_arrays(blocks: list[tuple[Sequence[str], object]], source: str) -> 
             digest.update(name.encode() + b"\0")
             digest.update(cells.tobytes() if plain else repr(cells.tolist()).encode())
     lines = np.arange(1, rows + 1, dtype=np.int64)
-    return Table(names, columns, lines, "row", source, digest.hexdigest())
+    return Table(names, columns, lines, "row", source, digest.hexdigest(), in_memory=True)
 
 
 def _array(given: object, column: str | None, source: str) -> npt.NDArray[Any]:

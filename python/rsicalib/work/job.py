@@ -175,7 +175,7 @@ class Work:
             mechanism = _core.calibrated_sensors(mechanism, {**applied, "parameters": begun})
         values = None
         if rest is not None:
-            loaded = load(rest, Bare(self.mechanism), self.skip)
+            loaded = load(rest, Bare(self.mechanism), self.skip, "rest")
             self.warnings += loaded.warnings
             self.warnings += _moved(loaded, self.mechanism)
             values = loaded.values
@@ -204,7 +204,8 @@ class Work:
         if point is not None:
             self._refuse_unless_carried(point)
         open_chains = point is not None or not self.mechanism.to_dict().get("platform")
-        loaded = load(check, Bare(self.mechanism) if open_chains else self.mechanism, self.skip)
+        read_by = Bare(self.mechanism) if open_chains else self.mechanism
+        loaded = load(check, read_by, self.skip, "check")
         self.warnings += loaded.warnings
         self.warnings += self._without(loaded)
         self.checked = loaded

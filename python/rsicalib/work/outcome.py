@@ -7,7 +7,6 @@ import datetime
 import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -60,14 +59,9 @@ def described(readings: Sequence[Readings]) -> Data:
         poses=sum(r.n_poses for r in readings),
         samples=sum(len(r) for r in readings),
         sha256=digest,
-        files=tuple(r.source for r in readings if len(readings) > 1 or _is_file(r)),
+        files=tuple(r.source for r in readings if len(readings) > 1 or not r.in_memory),
         skipped=tuple(skipped),
     )
-
-
-def _is_file(readings: Readings) -> bool:
-    """Whether readings are from a file: it has lines, or its name has an ending."""
-    return readings.line_word == "line" or bool(Path(readings.source).suffix)
 
 
 def reference_of(readings: Sequence[Readings]) -> dict[str, Any]:
