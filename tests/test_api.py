@@ -197,6 +197,8 @@ def test_a_fixture_calibration_is_the_least_squares_line_of_each_channel() -> No
         assert found["offset", name].value == pytest.approx(offset, rel=1e-9)
     assert found.method == "fixture"
     assert found.exit_code == 0
+    assert found.noise is not None and found.noise.kind == "fit"
+    assert "count per sample (repeats, and scatter" in found.summary(width=200)
 
 
 def test_the_noise_of_a_fixture_calibration_is_that_of_one_reading() -> None:

@@ -106,6 +106,8 @@ def fixture(
         "noise": {
             "source": ("repeats, and " if repeated else "") + "scatter about the lines",
             "sigma": sigma,
+            "unit": {channel.name: channel.unit for channel in job.mechanism.channels},
+            "kind": "fit",
             "correlation": None,
             "dof": min(line["dof"] for line in lines),
         },
