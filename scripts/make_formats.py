@@ -207,8 +207,11 @@ description.
 READINGS = """\
 ## Readings: CSV or Parquet
 
-CSV in UTF-8 with a header line, commas and decimal points; or Parquet, if the name ends in
-`.parquet` or `.pq`; or a data frame. One row is one sample of all channels. Columns are found by
+CSV in UTF-8 with a header line; or Parquet, if the name ends in `.parquet` or `.pq`; or a data
+frame. Between the cells of CSV stand commas, semicolons or tabs, as the header says; beside
+semicolons and tabs decimals may have a comma. The file may be packed by gzip, may have comment
+lines (`#`) above the header and a row of units below it, which is held against the mechanism's. One
+row is one sample of all channels. Columns are found by
 name, in any order; other columns are ignored with a warning. A cell that cannot be used makes the
 file refused, with line and column.
 

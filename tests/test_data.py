@@ -484,6 +484,14 @@ def test_a_bad_reading_in_an_array_is_refused_by_row_and_channel(bad, found):
     assert (caught.value.where["line"], caught.value.where["found"]) == (5, found)
 
 
+def test_arrays_take_a_mechanism_as_verbs_do():
+    import rsicalib
+
+    values, _ = session()
+    named, drawn = (Readings.from_arrays(m, values) for m in ("rsi", rsicalib.load_mechanism()))
+    assert named.sha256 == drawn.sha256
+
+
 def test_the_arrays_given_stay_the_callers():
     values, _ = session()
     readings = Readings.from_arrays(RSI, values)

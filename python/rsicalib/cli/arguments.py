@@ -176,7 +176,9 @@ def _fitted(sub: Verb, *, is_trace: bool) -> None:
     sub.shares("closures")
     sub.takes("--fit-groups NAME,…", "only these groups")
     sub.takes("--hold-out-groups NAME,…", "not these groups")
-    sub.takes("--seed SEED", "of every random draw", parsed("seed"))
+    sub.takes(
+        "--seed SEED", "nothing is drawn at random: taken for scripts that give one", parsed("seed")
+    )
     words = "standard deviation that is aimed at: the report shows where it is reached"
     sub.takes("--target LENGTH", words, parsed("target"))
     sub.shares("skip-bad-rows device note date out force")

@@ -8,6 +8,7 @@ from typing import Any, NoReturn
 
 from rsicalib import _core
 from rsicalib.cli.arguments import ARGUMENTS, Verb
+from rsicalib.cli.exits import EXITS
 from rsicalib.errors import InputError
 from rsicalib.plain_text import meant, quoted
 
@@ -72,8 +73,7 @@ def make_parser() -> argparse.ArgumentParser:
         allow_abbrev=False,  # an abbreviation would break with the next option
         description="Calibration of closed kinematic chains from their own joint readings. "
         "Begin with: rsicalib demo",
-        epilog="exit codes: 0 usable, 1 a defect of ours, 2 unusable input or options, "
-        "3 not determined by the data, 4 the residual is significant or an alarm, 130 interrupted",
+        epilog=f"exit codes: {'. '.join(f'{code} {words}' for code, words in EXITS.items())}",
     )
     parser.add_argument("--version", action="version", version=f"rsicalib {_core.__version__}")
     subparsers = parser.add_subparsers(dest="verb", metavar="VERB", required=True)

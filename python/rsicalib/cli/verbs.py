@@ -331,7 +331,7 @@ def terms(args: Args) -> int:
 
 
 def completion(args: Args) -> int:
-    """Completion of verbs and options in your shell: source <(rsicalib completion bash)."""
+    """A script for your shell that completes verbs and options."""
     emit(script(args.parser, args.shell))
     return 0
 

@@ -28,7 +28,7 @@ COLUMNS = {
     "pose": "Label of a held pose, a whole number; its rows are neighbours. Without this column "
     "every row is a pose of its own: a recording, or poses that were read once each.",
     "sample": "Number of the sample within its pose, a whole number; for messages.",
-    TIME: "Time [s]. Without it, drift and slips are no candidates of a trace.",
+    TIME: "Time [s]. Without it, drift and whatever else follows time is no candidate of a trace.",
     "temperature_c": "Temperature [°C]. Without it, effects of temperature are no candidates.",
     USED: "1, or 0 in a row that is not used. Such a row stays part of the session: from where the "
     "next pose was approached, what way was travelled, what time has passed. Without this column "

@@ -29,6 +29,7 @@ from rsicalib.io.cells import (
 from rsicalib.io.csv_text import csv_of
 from rsicalib.io.files import write_text
 from rsicalib.io.frames import SOURCE, TableArg, table_in_memory
+from rsicalib.io.mechanisms import load_mechanism
 from rsicalib.io.order import check_poses_are_together, time_goes_back
 from rsicalib.io.repeats import numbered
 from rsicalib.io.samples import Part, Samples, Skipped, frozen, picked
@@ -94,7 +95,7 @@ class Readings(Samples, Tabular):
     @classmethod
     def from_arrays(
         cls,
-        mechanism: MechanismLike,
+        mechanism: MechanismLike | str | os.PathLike[str] | Mapping[str, Any],
         values: npt.ArrayLike,
         *,
         pose: npt.ArrayLike | None = None,
@@ -112,7 +113,7 @@ class Readings(Samples, Tabular):
 
         Parameters
         ----------
-        mechanism : Mechanism
+        mechanism : Mechanism, or what `load_mechanism` takes
             Names, units and ranges of its `C` channels.
         values : array_like, shape (n, C)
             Readings, in the order of the mechanism's channels and their units.
@@ -143,6 +144,8 @@ class Readings(Samples, Tabular):
         InputError
             Something cannot be used; the message names row (from 1) and column.
         """
+        if isinstance(mechanism, str | os.PathLike | Mapping):
+            mechanism = load_mechanism(mechanism)
         names = [channel.name for channel in mechanism.channels]
         blocks: list[tuple[Sequence[str], object]] = [(names, values)]
         single = {"pose": pose, "sample": sample, "time_s": time_s, "temperature_c": temperature_c}

@@ -224,7 +224,7 @@ class Watch(Told, Record, kw_only=True, repr=False):
             "unreadable": self.unreadable,
             "repeated": self.repeated,
             "late": self.late,
-            "missing": self.missing,
+            "steps of time without a row": self.missing,
             "outliers": self.outliers,
             "while stuck, or after a change without a name": self.silent,
             "of devices without a result": self.strange,
