@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import io
 import os
 import re
@@ -23,6 +24,7 @@ from rsicalib.cli.output import summary_of
 from rsicalib.cli.parser import make_parser
 from rsicalib.cli.progress import ProgressLine, progress_of
 from rsicalib.cli.streams import folded
+from rsicalib.report.terminal import LABELS
 from tests.commands import run_text
 from tests.full import sized
 
@@ -447,3 +449,22 @@ def test_the_command_that_a_result_advises_works_as_it_is_printed(tmp_path: Path
     printed = re.search(r"rsicalib (forward(?:.|\n)*?result\.json)", said.stdout)
     assert printed is not None
     assert run_text(*printed[1].split(), cwd=tmp_path).returncode == 0
+
+
+def test_all_labels_of_a_summary_are_faint() -> None:
+    for label in LABELS:
+        shown = colours.painted(f"Explained: it was.\n\n  {label:10}words", good=True)
+        assert f"  {colours.FAINT}{label}{colours.PLAIN} " in shown
+
+
+def test_one_of_something_is_one() -> None:
+    whole = rsicalib.load_readings(READINGS)
+    one = whole.select((whole.pose == 1) & (whole.sample == 1))
+    assert repr(one) == f"<Readings {READINGS!r}: 1 sample of 1 pose, 9 channels>"
+
+
+def test_a_p_value_is_never_zero() -> None:
+    found = demo()
+    fit = dataclasses.replace(found.after, p_value=0.0)
+    assert repr(dataclasses.replace(found, after=fit)).endswith("48 poses, p < 1e-99>")
+    assert "p < 1e-99" in repr(dataclasses.replace(found.steps[0], p_value=0.0))

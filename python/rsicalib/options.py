@@ -20,7 +20,7 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib.errors import InputError, InputTypeError
-from rsicalib.plain_text import meant, nearest, quoted
+from rsicalib.plain_text import counted, meant, nearest, quoted
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -229,7 +229,7 @@ def noise_of(value: Any, channels: Sequence[_core.Channel], name: str = "noise")
 def rows(poses: int, samples: int) -> None:
     """Refuse more samples than fit into memory."""
     if poses * samples > MOST_ROWS:
-        found = f"{poses} poses of {samples} samples"
+        found = f"{counted(poses, 'pose')} of {counted(samples, 'sample')}"
         raise InputError(f"found {found}, expected at most {MOST_ROWS:,} samples")
 
 

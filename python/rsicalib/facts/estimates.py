@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from rsicalib import _core
+from rsicalib.plain_text import p_equals
 from rsicalib.plots import curve as draw_curve
 from rsicalib.plots import on_axes
 from rsicalib.units import axis_words, in_thousandths, with_unit
@@ -164,7 +165,7 @@ class Effect:
         )
 
     def __repr__(self) -> str:
-        chance = "" if self.p_value is None else f", p = {self.p_value:.2g}"
+        chance = "" if self.p_value is None else f", {p_equals(self.p_value)}"
         sizes = [f"{p.name} = {estimate_words(p.value, p.sd, p.unit)}" for p in self.parameters]
         shown = ", ".join(sizes[:3]) + (f" and {len(sizes) - 3} more" if len(sizes) > 3 else "")
         return f"<{self.spec}: {shown}{chance}>"

@@ -18,6 +18,7 @@ from rsicalib.fleets.engines import Part
 from rsicalib.fleets.frames import Rows, devices_in, numbers_of
 from rsicalib.fleets.levels import Levels
 from rsicalib.fleets.store import Parts
+from rsicalib.plain_text import p_equals
 from rsicalib.work.arguments import names_in, noise_of_channels
 from rsicalib.work.prior import FORMAT
 
@@ -269,11 +270,11 @@ def sentences(first: Mapping[str, Any], found: Mapping[str, Any] | None) -> list
         what = f"χ² is {ratio:.3f} times its degrees of freedom over {whole['devices']} devices"
         if lacks_together(whole):
             lines.append(
-                f"Together the devices do not fit: {what} (p = {whole['p_value']:.1g}). "
+                f"Together the devices do not fit: {what} ({p_equals(whole['p_value'], '.1g')}). "
                 "They lack the same effect, even if none of them alone shows it."
             )
         else:
-            lines.append(f"Together the devices fit: {what} (p = {whole['p_value']:.2g}).")
+            lines.append(f"Together the devices fit: {what} ({p_equals(whole['p_value'])}).")
     if found is None:
         shifted = sorted((s for s in first["shifts"] if s["common"]), key=lambda s: s["p_value"])
         for s in shifted[:3]:

@@ -44,6 +44,7 @@ from rsicalib.io.tables import (
     text,
 )
 from rsicalib.io.units_row import without_units
+from rsicalib.plain_text import counted
 from rsicalib.tabular import Tabular
 
 
@@ -235,10 +236,12 @@ class Readings(Samples, Tabular):
         return {USED: np.isin(np.arange(len(taken)), self.own).astype(int), **taken._table()}
 
     def __repr__(self) -> str:
-        poses = f" of {self.n_poses} poses" if self.held else ", a recording"
+        poses = f" of {counted(self.n_poses, 'pose')}" if self.held else ", a recording"
         known = "" if self.poses is None else ", poses known"
-        channels = f"{len(self.channels)} channel{'s' * (len(self.channels) != 1)}"
-        return f"<Readings {self.source!r}: {len(self)} samples{poses}, {channels}{known}>"
+        channels = counted(len(self.channels), "channel")
+        return (
+            f"<Readings {self.source!r}: {counted(len(self), 'sample')}{poses}, {channels}{known}>"
+        )
 
 
 def load_readings(
@@ -417,7 +420,7 @@ def _skipped(
     first = min(faults)
     if not skip_bad_rows or len(faults) == len(table.lines):
         fault, more = faults[first], len(faults) - 1
-        others = f"{more} more row{'s' * (more > 1)} cannot be used. " if more else ""
+        others = f"{counted(more, 'more row')} cannot be used. " if more else ""
         advice = "Correct the data, or drop such rows with skip_bad_rows (--skip-bad-rows)."
         hint = others + advice
         if len(faults) == len(table.lines):

@@ -25,6 +25,7 @@ from rsicalib.io.csv_text import read_csv_text
 from rsicalib.io.extras import parquet_modules, read_by
 from rsicalib.io.sources import decoded, read_bytes, refuse_larger, unpacked
 from rsicalib.io.times import dates_of, seconds_of_dates
+from rsicalib.plain_text import counted
 
 PARQUET = {".parquet", ".pq"}
 CHUNK = 1 << 25
@@ -302,7 +303,7 @@ def columns_of_rows(
 
 def _misfit(row: list[str], names: list[str]) -> Ragged:
     column = names[len(row)] if len(row) < len(names) else f"{len(names) + 1} (beyond the last)"
-    found = "an empty line" if not row else f"{len(row)} cell{'s' * (len(row) != 1)}"
+    found = "an empty line" if not row else counted(len(row), "cell")
     return Ragged(column, found, f"{len(names)} cells, as in the header")
 
 

@@ -533,7 +533,11 @@ def _parameters(result: ResultShape) -> str:
     weak = listed(f"Weak: {text}" for text in result.weak)
     if len(result.weak) > FEW:
         weak = _folded(f"{len(result.weak)} combinations that the readings hardly tell", weak)
-    folded = _folded(f"{len(rows)} parameters with their 95 % intervals", found) if rows else ""
+    folded = (
+        _folded(f"{counted(len(rows), 'parameter')} with their 95 % intervals", found)
+        if rows
+        else ""
+    )
     return section("Parameters", folded, notes, weak)
 
 

@@ -48,6 +48,13 @@ ADVICE = 5
 """Lines of what to do next that there is always room for."""
 
 
+LABELS = (
+    *("readings", "noise", "groups", "earlier", "warning", "found", "formula", "elsewhere"),
+    *("left out", "noisier", "left over", "may hide", "not tried"),
+)
+"""What stands before the lines of a summary, and is faint on a terminal."""
+
+
 @dataclass(frozen=True)
 class Look:
     """How wide lines are, and whether everything is said, in as many lines as it takes."""
@@ -91,7 +98,7 @@ def summary(
     data = result.readings
     head += [
         "",
-        f"  {'readings':10}{counted(data.poses, 'pose')}, {counted(data.samples, 'sample')}",
+        _labelled("readings", f"{counted(data.poses, 'pose')}, {counted(data.samples, 'sample')}"),
     ]
     head += _entry("noise", noise_words(result), look)
     if between := between_words(result):
@@ -137,9 +144,14 @@ def _cut(line: str, look: Look) -> list[str]:
     return _most(wrapped(line, look.width, subsequent_indent=" " * 12), 1, look)
 
 
+def _labelled(label: str, text: str) -> str:
+    """A line with its label, one of `LABELS`."""
+    return f"  {LABELS[LABELS.index(label)]:10}{text}"
+
+
 def _entry(label: str, text: str, look: Look) -> list[str]:
     """A label with what it is about, in as many lines as that takes."""
-    first = f"  {label:10}"
+    first = _labelled(label, "")
     return wrapped(text, look.width, initial_indent=first, subsequent_indent=" " * 12)
 
 
@@ -155,7 +167,7 @@ def _listed(label: str, texts: Sequence[str], most: int, look: Look) -> list[str
     if look.whole:
         most = len(texts)
     more = len(texts) - most
-    lines = [line for text in texts[:most] for line in _cut(f"  {label:10}{text}", look)]
+    lines = [line for text in texts[:most] for line in _cut(_labelled(label, text), look)]
     return [*lines, f"  {'':10}and {more} more"] if more > 0 else lines
 
 
@@ -220,7 +232,7 @@ def _found(result: TraceShape, look: Look) -> list[str]:
     lines: list[str] = []
     for step in result.steps if look.whole else result.steps[:4]:
         where = labelled(target_words("", step.target), step.label)
-        line = f"  found     {name_of(step.term)} of {where}: {size_words(step)}"
+        line = _labelled("found", f"{name_of(step.term)} of {where}: {size_words(step)}")
         rms = step.platform_rms
         if rms is not None and rms.orientation is not None:
             cost = f"{number(rms.position, 2)} {result.length_unit}"
@@ -274,7 +286,7 @@ def _left(result: TraceShape, look: Look) -> list[str]:
         where = labelled(target_words("", hidden.target), hidden.label)
         at = f" at {hidden.place}" if hidden.place else ""
         name = f"{name_of(hidden.term)} of {where}{at}"
-        lines += _cut(f"  may hide  {name}{size}{cost}", look)
+        lines += _cut(_labelled("may hide", f"{name}{size}{cost}"), look)
     if look.whole:
         lines += _listed("not tried", not_tried(result), 0, look)
     return ["", *lines] if lines else []

@@ -24,6 +24,7 @@ from rsicalib.facts.shapes import (
 )
 from rsicalib.facts.warned import MISTAKES
 from rsicalib.io.builtin import DEFAULT
+from rsicalib.plain_text import SMALLEST, counted
 from rsicalib.units import in_thousandths, with_unit
 
 NO_TERM = {"unknown_law": "a law that no term has", "unknown_noise": "errors that follow no law"}
@@ -197,7 +198,7 @@ def judged_words(fit: FitQuality) -> str:
 
 def probability(p: float | None) -> str:
     """A p-value: below what a double can hold it is not zero."""
-    return "< 1e-99" if p is not None and p < 1e-99 else number(p, 2)
+    return f"< {SMALLEST:g}" if p is not None and p < SMALLEST else number(p, 2)
 
 
 def p_is(p: float | None) -> str:
@@ -315,7 +316,7 @@ def sentence(result: ResultShape) -> str:
         return f"The residual is significant ({judged}): the model lacks something."
     # Readings of a converter whose bits are stuck stay.
     count = sum(it.samples or 1 for it in result.excluded if not _stays(it))
-    out = "" if not count else f" without {count} bad sample{'s' * (count > 1)}"
+    out = "" if not count else f" without {counted(count, 'bad sample')}"
     return f"Adequate{_yet(result)}: what is left{out} is the noise of the readings ({judged})."
 
 
@@ -432,7 +433,7 @@ def comparison(result: ResultShape) -> tuple[tuple[str, str], list[ErrorRow]]:
         old, new = getattr(before, key), getattr(after, key)
         if new is None:
             continue
-        poses = f"{new.poses} check poses{words}"
+        poses = f"{counted(new.poses, 'check pose')}{words}"
         off = [_known(c.position_rms) if c else None for c in (old, new)]
         turned = [_known(c.orientation_rms) if c else None for c in (old, new)]
         rows.append(ErrorRow("position", f"position, {poses} [{unit}]", off[0], off[1], poses))

@@ -21,7 +21,7 @@ from rsicalib.facts.verdicts import EXIT_CODES
 from rsicalib.io.files import write_text
 from rsicalib.io.sources import read_text
 from rsicalib.options import checked
-from rsicalib.plain_text import counted, quoted
+from rsicalib.plain_text import counted, p_equals, quoted
 from rsicalib.report.words import Kept, quality
 from rsicalib.results.interactive import Interactive
 
@@ -140,10 +140,10 @@ class Result(Interactive, eq=False, repr=False, kw_only=True):
 
     def __repr__(self) -> str:
         fit = self.quality
-        judged = "not judged" if fit.p_value is None else f"p={fit.p_value:.2g}"
+        judged = "not judged" if fit.p_value is None else p_equals(fit.p_value)
         return (
             f"<{type(self).__name__} of {self.mechanism!r}: {self.verdict or 'not judged'}, "
-            f"{len(self.parameters)} parameters from "
+            f"{counted(len(self.parameters), 'parameter')} from "
             f"{counted(self.readings.poses, 'pose')}, {judged}>"
         )
 

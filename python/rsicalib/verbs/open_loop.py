@@ -10,6 +10,7 @@ from rsicalib import _core, options
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.facts.shapes import Parameter
 from rsicalib.facts.warned import Warned
+from rsicalib.plain_text import counted
 from rsicalib.results.result import Calibration
 from rsicalib.work.applying import posed
 from rsicalib.work.arguments import MechanismArg, ReadingsArg
@@ -85,8 +86,8 @@ def fixture(
         without = len(np.unique(job.readings[0].pose[~known_rows]))
         rows = len(known_rows) - known_rows.sum()
         text = (
-            f"{job.readings[0].source}: {rows} rows of {without} poses have no known pose "
-            f"(x y z rx ry rz) and are not used; {count} poses are"
+            f"{job.readings[0].source}: {counted(rows, 'row')} of {counted(without, 'pose')} have "
+            f"no known pose (x y z rx ry rz) and are not used; {count} poses are"
         )
         job.warnings.append(Warned("unused_poses", None, text))
     parameters, blocks, sigma = [], [], {}
