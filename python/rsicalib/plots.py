@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray
 from rsicalib.plain_text import installed_by
+from rsicalib.units import HALF_95
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -148,7 +149,7 @@ def curve(
     y = scale * y
     ax.axhline(0, color="0.6", lw=0.8)
     if len(sd) == len(x):
-        half = 1.96 * scale * np.asarray(sd)
+        half = HALF_95 * scale * np.asarray(sd)
         ax.fill_between(x, y - half, y + half, color=NEW, alpha=0.15, lw=0)
     ax.plot(x, y, color=NEW, label=name)
     ax.set(xlabel=x_words, ylabel=y_words, title=name)

@@ -167,7 +167,7 @@ def _fitted(sub: Verb, *, is_trace: bool) -> None:
     sub.takes("--terms TERM,…", "terms to identify: offset, curvature@a22")
     if is_trace:
         sub.takes("--without TERM,…", "terms that are no candidates")
-        words = "apply effects, too, that do not help where nothing was recorded"
+        words = "apply all effects that are found, also those that would only be named"
         sub.takes("--apply-all", words)
     sub.shares("noise")
     if not is_trace:
@@ -215,8 +215,8 @@ def _simulate(sub: Verb) -> None:
     sub.takes("out OUT", "folder for the files")
     sub.shares("mechanism")
     sub.takes("--poses POSES", "held poses (48)", parsed("poses"))
-    sub.takes("--samples SAMPLES", "of each pose (8)", parsed("samples"))
-    noise = "of one sample, in readings (as declared; 1 of counts)"
+    sub.takes("--samples SAMPLES", "samples of each pose (8)", parsed("samples"))
+    noise = "standard deviation of one sample, in readings (as declared; 1 of counts)"
     sub.takes("--noise NOISE", noise, parsed("simulate.noise"))
     sub.takes("--check-poses CHECK_POSES", "other poses, known (20)", parsed("check"), dest="check")
     sub.takes("--seed SEED", "same seed, same files (0)", parsed("seed"))
@@ -233,11 +233,11 @@ def _plan(sub: Verb) -> None:
     sub.takes("--result FILE", "what the poses complement: result.json of a trace")
     words = "poses that are visited already; with --result its readings"
     sub.takes("--beside READINGS", words, nargs="+")
-    sub.takes("--noise NOISE", "of one reading, for the bound (1)", parsed("noise"))
+    sub.takes("--noise NOISE", "noise of one reading, for the bound (1)", parsed("noise"))
     words = "what is made small; decide where the result leaves something open, else platform"
     sub.takes("--criterion", words, choices=_core.CRITERIA)
-    sub.takes("--off READINGS", "readings of poses that are struck off: rows of a plan will do")
-    sub.takes("--calibration FILE", "whose offsets and gains hold")
+    sub.takes("--off READINGS", "readings of poses to leave out: rows of a plan will do")
+    sub.takes("--calibration FILE", "an earlier result, whose offsets and gains hold")
     sub.takes("--seed SEED", "same seed, same plan (0)", parsed("seed"))
     sub.takes("--out FILE", "write the poses as CSV, and a page beside it")
     sub.shares("force")
@@ -246,12 +246,12 @@ def _plan(sub: Verb) -> None:
 @_of(verbs.fleet)
 def _fleet(sub: Verb) -> None:
     sub.takes("dataset DATASET", "Parquet or CSV, a file or a folder")
-    sub.takes("--by COLUMN", "names the device (device)")
+    sub.takes("--by COLUMN", "column that names the device (device)")
     words = "groups that each of these is in, such as batch,tool: columns, or those of levels.csv"
     sub.takes("--levels COLUMN,…", words)
     sub.shares("mechanism")
     sub.takes("--terms TERM,…", "terms to identify")
-    sub.takes("--noise COUNTS|a11=1.2,…", "of one sample")
+    sub.takes("--noise COUNTS|a11=1.2,…", "standard deviation of one sample")
     sub.shares("closures")
     words = "do not trace the residual where it is significant"
     sub.takes("--no-trace", words, dest="trace", action="store_false")
@@ -259,7 +259,7 @@ def _fleet(sub: Verb) -> None:
     sub.takes("--workers WORKERS", "threads; all cores where not given", parsed("workers"))
     sub.takes("--dask ADDRESS", "the workers of this scheduler compute")
     sub.takes("--resume", "keep the rows of devices whose readings are the same")
-    words = "for one device, whose row says so where that was too short; no limit where not given"
+    words = "longest time for one device, whose row says if it was too short; none where not given"
     sub.takes("--time-limit SECONDS", words, parsed("time_limit"))
     words = "what the devices share: errors of the drawing, a prior for the next device"
     sub.takes("--population", words)
@@ -282,13 +282,13 @@ def _guide(sub: Verb) -> None:
     words = "columns with one text in every sample, where the source has none: at=cone"
     sub.takes("--labels COLUMN=TEXT,…", words)
     sub.takes("--resume", "go on with the session in --out")
-    sub.takes("--port PORT", "of the page; a free one where not given", parsed("port"))
+    sub.takes("--port PORT", "port of the page; a free one where not given", parsed("port"))
     words = "address of the page; others than this machine need the token in it (127.0.0.1)"
     sub.takes("--host HOST", words)
     sub.takes("--no-browser", "do not open the page", dest="browser", action="store_false")
-    sub.takes("--samples SAMPLES", "of each pose (8)", parsed("guide.samples"))
-    sub.takes("--seconds SECONDS", "for which a pose is held (0.6)", parsed("seconds"))
-    sub.takes("--seed SEED", "of the candidates (0)", parsed("seed"))
+    sub.takes("--samples SAMPLES", "samples of each pose (8)", parsed("guide.samples"))
+    sub.takes("--seconds SECONDS", "time for which a pose is held (0.6)", parsed("seconds"))
+    sub.takes("--seed SEED", "seed of the candidates (0)", parsed("seed"))
 
 
 @_of(verbs.watch)
@@ -308,7 +308,7 @@ def _watch(sub: Verb) -> None:
 def _history(sub: Verb) -> None:
     sub.takes("folder DIR", "folder of results, with their dates")
     sub.shares("mechanism")
-    sub.takes("--device NAME", "whose results; else of the most frequent")
+    sub.takes("--device NAME", "device whose results are taken; else the most frequent one")
     words = "error of the platform's position that is too much, in units of length"
     sub.takes("--target LENGTH", words, parsed("target"))
     sub.takes("--out DIR", "write history.json, history.txt and history.html there")
@@ -319,7 +319,7 @@ def _history(sub: Verb) -> None:
 def _certify(sub: Verb) -> None:
     sub.takes("result RESULT", "a trace: result.json, or what `trace --json` wrote")
     sub.shares("mechanism")
-    words = "of the largest error: a length in the mechanism's unit, '0.5 mm', '2 mrad'"
+    words = "limit of the largest error: a length in the mechanism's unit, '0.5 mm', '2 mrad'"
     sub.takes("--limit LENGTH|ANGLE", words, required=True)
     words = "probability that the error is not beyond U (0.95)"
     sub.takes("--confidence CONFIDENCE", words, parsed("confidence"))
@@ -336,7 +336,7 @@ def _suppose(sub: Verb) -> None:
     words = "what is supposed: curvature@a22.c2=0.02; again for more of them at once"
     sub.takes("--term SPEC=VALUE", words, action="append", required=True)
     sub.shares("mechanism rest")
-    sub.takes("--calibration FILE", "whose offsets and gains hold")
+    sub.takes("--calibration FILE", "an earlier result, whose offsets and gains hold")
     sub.takes("--terms TERM,…", "terms that are fitted beside")
     sub.shares("noise closures skip-bad-rows")
     sub.takes("--out FILE", "write the residual picture as HTML")
@@ -345,7 +345,7 @@ def _suppose(sub: Verb) -> None:
 
 @_of(verbs.paper)
 def _paper(sub: Verb) -> None:
-    sub.takes("--trials TRIALS", "of every simulated cell (1000)", parsed("trials"))
+    sub.takes("--trials TRIALS", "trials of every simulated cell (1000)", parsed("trials"))
     sub.takes("--seed SEED", "same seed, same figures (1995)", parsed("seed"))
     sub.takes("--workers WORKERS", "threads; all cores where not given", parsed("workers"))
     sub.takes("--out DIR", "write paper.json, paper.txt and paper.html")
@@ -382,18 +382,18 @@ def _import(sub: Verb) -> None:
     words = "readings.csv, and mechanism.toml where the log has one, are written there"
     sub.takes("--out FOLDER", words, required=True)
     sub.takes("--format", "told from SOURCE where not given", choices=sorted(KINDS))
-    words = "whose channels are taken; where its chains are URDF, by the names of their joints"
+    words = "gives the channels; where its chains are URDF, by the names of their joints"
     sub.takes("--mechanism NAME|FILE", words)
     words = "name in the log of each channel, of a table of other columns, too: q1=panda_joint1,…"
     sub.takes("--channels CHANNEL=NAME,…", words)
-    sub.takes("--topic TOPIC", "of ROS: where the joint states are")
-    sub.takes("--when CONDITION", "of ROS: only rows under a condition, '/wrench.force.z>2'")
-    words = f"for how long a held pose is still ({HOLD:g}); 0: a recording as it is"
+    sub.takes("--topic TOPIC", "topic of ROS with the joint states")
+    sub.takes("--when CONDITION", "rows of ROS under this condition alone: '/wrench.force.z>2'")
+    words = f"time for which a held pose is still ({HOLD:g}); 0: a recording as it is"
     sub.takes("--hold SECONDS", words, parsed("hold"))
-    words = "of a log without times, or in place of its times"
+    words = "samples per second, of a log without times or in place of its times"
     sub.takes("--rate HZ", words, parsed("rate"))
-    sub.takes("--episodes N,…", "of a data set: only these, 0,3,…; all where not given")
-    words = "of LeRobot: calibration of the leader and of the follower, or of the follower"
+    sub.takes("--episodes N,…", "episodes of a data set that are taken: 0,3,…; all where not given")
+    words = "LeRobot's calibration of the leader and of the follower, or of the follower"
     sub.takes("--ranges FILE,…", words)
     sub.takes("--labels COLUMN=TEXT,…", "columns with one text in every row: surface=table")
     sub.takes("--skip-bad-rows", "leave out rows with some channels and not others")
@@ -402,4 +402,4 @@ def _import(sub: Verb) -> None:
 
 @_of(verbs.completion)
 def _completion(sub: Verb) -> None:
-    sub.takes("shell", "for whom the script is", choices=SHELLS)
+    sub.takes("shell", "shell that runs the script", choices=SHELLS)

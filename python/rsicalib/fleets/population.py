@@ -19,6 +19,7 @@ from rsicalib.fleets.frames import Rows, devices_in, numbers_of
 from rsicalib.fleets.levels import Levels
 from rsicalib.fleets.store import Parts
 from rsicalib.plain_text import p_equals
+from rsicalib.units import HALF_95
 from rsicalib.work.arguments import names_in, noise_of_channels
 from rsicalib.work.prior import FORMAT
 
@@ -282,7 +283,7 @@ def sentences(first: Mapping[str, Any], found: Mapping[str, Any] | None) -> list
             lines.append(f"{s['parameter']} is {value} ± {half} from the drawing in all devices.")
         return lines
     for one in found["design"]:
-        value, half = f"{one['value']:+.4g}", f"{1.96 * one['sd']:.2g}"
+        value, half = f"{one['value']:+.4g}", f"{HALF_95 * one['sd']:.2g}"
         other = f" (or {', '.join(one['also_fits'][:3])})" if one["also_fits"] else ""
         lines.append(
             f"The drawing is wrong: {one['term']} of {one['target']} by {value} ± {half} "

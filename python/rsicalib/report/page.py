@@ -52,7 +52,7 @@ from rsicalib.report.words import (
     with_bounds,
 )
 from rsicalib.report.workspace import workspace_figure
-from rsicalib.units import with_unit
+from rsicalib.units import HALF_95, with_unit
 
 FEW = 3
 """Sentences of a list that are not folded."""
@@ -520,7 +520,7 @@ def _parameters(result: ResultShape) -> str:
         old = before.get((p.spec, p.name))
         all_readings = plus_minus(old.value, old.sd)[0] if old else "–"
         earlier = _earlier(p) if superseding else ()
-        wide = plus_minus(p.value, None if p.sd_between is None else 1.96 * p.sd_between)[1]
+        wide = plus_minus(p.value, None if p.sd_between is None else HALF_95 * p.sd_between)[1]
         earlier = (*([wide] * (grouped and result.between is not None)), *earlier)
         rows.append((target, name, value, half, p.unit, *earlier, *[all_readings] * bool(whole)))
     found = table(heads, rows, 2, "parameters") if rows else ""
@@ -545,7 +545,7 @@ def _earlier(p: Parameter) -> tuple[str, str]:
     """The earlier value, as exact as the new one, and the change in units of both uncertainties."""
     if p.earlier is None:
         return "–", "–"
-    known = plus_minus(p.earlier.value, None if p.sd is None else 1.96 * p.sd)[0]
+    known = plus_minus(p.earlier.value, None if p.sd is None else HALF_95 * p.sd)[0]
     return known, "–" if p.change is None else f"{p.change:+z.1f}"
 
 

@@ -32,7 +32,7 @@ from rsicalib.report.words import (
     target_words,
     with_bounds,
 )
-from rsicalib.units import axis_words, with_unit
+from rsicalib.units import HALF_95, axis_words, with_unit
 
 LINES = 23
 """With a blank one and the path of a report they are 25, in lines of `WIDTH` columns."""
@@ -342,4 +342,4 @@ def _estimate(parameter: Parameter) -> str:
     wide = parameter.sd_between
     if wide is None or parameter.sd is None or wide < WIDER * parameter.sd:
         return found
-    return f"{found} (± {plus_minus(value, 1.96 * scale * wide)[1]} elsewhere)"
+    return f"{found} (± {plus_minus(value, HALF_95 * scale * wide)[1]} elsewhere)"

@@ -25,7 +25,7 @@ from rsicalib.facts.shapes import (
 from rsicalib.facts.warned import MISTAKES
 from rsicalib.io.builtin import DEFAULT
 from rsicalib.plain_text import SMALLEST, counted
-from rsicalib.units import in_thousandths, with_unit
+from rsicalib.units import HALF_95, in_thousandths, with_unit
 
 NO_TERM = {"unknown_law": "a law that no term has", "unknown_noise": "errors that follow no law"}
 """Ids of what may explain a session and is no term, in words."""
@@ -537,7 +537,7 @@ def size_words(step: Step) -> str:
 def value_words(parameter: StepParameter) -> str:
     """An estimate with its interval of 95 %, and its unit."""
     sd = parameter.sd
-    value, half = plus_minus(parameter.value, None if sd is None else 1.96 * sd)
+    value, half = plus_minus(parameter.value, None if sd is None else HALF_95 * sd)
     return with_unit(f"{value} ± {half}", parameter.unit)
 
 
@@ -646,8 +646,8 @@ def advice(result: ResultShape, kept: Kept = IN_PYTHON) -> list[str]:
             "To judge the fit, declare how well what is touched holds its place: `noise` of the "
             "closure in the mechanism file."
             if seated
-            else "To judge the fit, declare noise and play as small as the readings show them: "
-            "what is smaller passes for them."
+            else "To judge the fit, declare noise and play no larger than the readings show them: "
+            "a larger one hides what is wrong."
             if fit.p_value is not None
             else "To judge the fit, hold each pose for a few samples (the same number in column "
             "`pose`), or declare the noise with --noise."
@@ -749,13 +749,13 @@ def reason_words(result: ResultShape, reason: Reason) -> str:
     turned = dict.fromkeys(("check_orientation", "check_pose_orientation"), " rad")
     units = {"held_out": "", "held_out_before": "", **turned}
     unit = units.get(reason.kind, f" {result.length_unit}")
-    beside = "" if reason.expected is None else f", and {number(reason.expected)}{unit} {than}"
+    beside = "" if reason.expected is None else f"; {number(reason.expected)}{unit} {than}"
     p = "" if reason.p_value is None else f" ({p_is(reason.p_value)})"
     return f"{what} {number(reason.found)}{unit}{beside}{p}"
 
 
 REASONS = {
-    "open_loops": ("loops of the check readings have a misclosure of", "is that of the session"),
+    "open_loops": ("loops of the check readings have a misclosure of", "was expected"),
     "check": ("check poses are off by", "is predicted"),
     "check_orientation": ("check poses are turned by", "is predicted"),
     "check_pose": ("check pose{pose} alone is off by", "is predicted"),

@@ -29,7 +29,7 @@ from rsicalib.io.times import TIME
 from rsicalib.plain_text import counted, quoted
 from rsicalib.results.result import Calibration, Result, Trace
 from rsicalib.tabular import Told
-from rsicalib.units import with_unit
+from rsicalib.units import HALF_95, with_unit
 from rsicalib.verbs.promise import PROMISED, Promise, another
 from rsicalib.work.applying import as_applied, covariance_of
 from rsicalib.work.arguments import (
@@ -177,7 +177,7 @@ class Alarm(Told, Record, kw_only=True, repr=False):
 
 def _interval(value: float, sd: float) -> str:
     """A value and half of its interval of 95 %."""
-    return f"{value:.3g} ± {1.96 * sd:.2g}"
+    return f"{value:.3g} ± {HALF_95 * sd:.2g}"
 
 
 class Watch(Told, Record, kw_only=True, repr=False):
