@@ -23,6 +23,7 @@ import pytest
 import rsicalib
 from rsicalib import DEMO, Calibration, InputError, Trace
 from rsicalib.errors import ResultError
+from rsicalib.work.outcome import about
 from tests import oracle
 from tests.test_families import clean
 
@@ -495,3 +496,23 @@ def test_errors_come_back_from_other_processes() -> None:
     for error in (ResultError("a", "b", "c"), InputError.at("f", "x", "y", line=3)):
         again = pickle.loads(pickle.dumps(error))
         assert str(again) == str(error) and vars(again) == vars(error)
+
+
+def test_modules_that_are_documented_are_there_at_once() -> None:
+    assert rsicalib.__getattr__("errors") is importlib.import_module("rsicalib.errors")
+    with pytest.raises(AttributeError, match="no attribute 'erors'"):
+        rsicalib.__getattr__("erors")
+    assert rsicalib.InputTypeError is rsicalib.errors.InputTypeError
+
+
+def test_a_date_may_be_one_of_numpy() -> None:
+    given = {"2025-03-01": "D", "2025-03-01T10:30:00": "ns"}
+    for text, unit in given.items():
+        assert about(None, None, np.datetime64(text, unit))["valid_from"] == text
+    with pytest.raises(InputError, match="date: found"):
+        about(None, None, np.datetime64("NaT"))
+
+
+def test_what_is_no_path_of_a_result_is_refused() -> None:
+    with pytest.raises(rsicalib.InputTypeError, match="calibration: found None, expected the path"):
+        rsicalib.load_calibration(None)  # type: ignore[arg-type]

@@ -33,7 +33,8 @@ COLUMNS = {
     USED: "1, or 0 in a row that is not used. Such a row stays part of the session: from where the "
     "next pose was approached, what way was travelled, what time has passed. Without this column "
     "all rows are used. In memory True and False are 1 and 0.",
-    "group": "Text: the placement, or whatever `--fit-groups` chooses from.",
+    "group": "Text: the placement (where what is touched stands while these rows are taken), or "
+    "whatever `--fit-groups` chooses from.",
     "at": "Text: which unknown point is touched.",
     **{name: "Position of the platform where it is known [length unit]." for name in "xyz"},
     **{f"r{a}": "Orientation of the platform where it is known [rad], eq. (1)." for a in "xyz"},

@@ -241,6 +241,8 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | Trace:
     InputError
         The file is not such a result.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise InputTypeError(f"calibration: found {quoted(path)}, expected the path of a result")
     name = os.fspath(path)
     if isinstance(path, str) and path.lstrip().startswith("{"):
         raise InputError("calibration: found the text of a file, expected its path, or a result")

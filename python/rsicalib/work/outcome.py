@@ -21,7 +21,7 @@ from rsicalib.plain_text import quoted
 from rsicalib.results.result import Result
 from rsicalib.work.applying import deviations_of
 
-DateArg: TypeAlias = str | datetime.date
+DateArg: TypeAlias = str | datetime.date | np.datetime64
 
 NOTHING: dict[str, Any] = {"chi2": None, "dof": None, "p_value": None, "rms_misclosure": None}
 """A fit of which nothing is known but its error on known poses."""
@@ -34,6 +34,9 @@ def about(device: str | None, note: str | None, date: DateArg | None) -> dict[st
 
 def _iso(date: DateArg) -> str:
     """A date, or a date and a time, as ISO 8601 has it."""
+    if isinstance(date, np.datetime64) and not np.isnat(date):
+        unit = "D" if np.datetime_data(date)[0] == "D" else "us"  # of others Python has no date
+        return str(date.astype(f"datetime64[{unit}]").item().isoformat())
     if isinstance(date, datetime.date):
         return date.isoformat()
     expected = "an ISO 8601 date such as 2025-03-01 or 2025-03-01T14:30"
