@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -178,7 +179,8 @@ class Result(Interactive, eq=False, repr=False, kw_only=True):
         except (TypeError, ValueError) as error:
             found, expected = f"what is no value of JSON ({error})", "numbers, texts, lists of them"
             raise InputError.at("result", found, expected) from None
-        return cls._of(read_result(text, "result"))
+        with _refused_as("result"):
+            return cls._of(_core.read_result(text))
 
     @classmethod
     def _of(cls, data: Mapping[str, Any]) -> Self:
@@ -186,16 +188,11 @@ class Result(Interactive, eq=False, repr=False, kw_only=True):
         return super().from_dict(data)
 
 
-def read_result(text: str, source: str) -> dict[str, Any]:
-    """The values of a result from its text, as the core checks them.
-
-    Raises
-    ------
-    InputError
-        The text is no result; `source` is what the message calls it.
-    """
+@contextmanager
+def _refused_as(source: str) -> Iterator[None]:
+    """Refuse what is no result, by what the message calls it."""
     try:
-        return _core.read_result(text)
+        yield
     except ResultError as error:
         raise InputError.at(source, error.found, error.expected, place=error.place) from None
 
@@ -247,8 +244,9 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | Trace:
     if isinstance(path, str) and path.lstrip().startswith("{"):
         raise InputError("calibration: found the text of a file, expected its path, or a result")
     text = read_text(path, "a result of `rsicalib calibrate --json` or `rsicalib trace --json`")
-    data = read_result(text, name)
     kinds: dict[str, type[Calibration | Trace]] = {k.FORMAT: k for k in (Calibration, Trace)}
-    result = kinds[data["format"]]._of(data)
+    with _refused_as(name):
+        data = _core.read_result(text)
+        result = kinds[data["format"]]._of(data)
     vars(result)["_file"] = name
     return result

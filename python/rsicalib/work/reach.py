@@ -12,9 +12,6 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 
-ALONE = "pose 0 is "
-"""How the core begins what it says of a pose that it was given alone."""
-
 
 @contextmanager
 def reach_told(
@@ -54,19 +51,24 @@ def reach_told(
         for row in np.flatnonzero(np.isfinite(poses).all(axis=1)):
             why = _out_of_reach(mechanism, poses[row : row + 1])
             if why is not None:
-                found = f"a pose {why}" if labels is None else f"pose {labels[row]} {why}"
+                found = f"{'a pose' if labels is None else f'pose {labels[row]}'} out of reach"
                 line, expected = int(lines[row]), "one that the chains reach"
+                hint = f"Looked at alone, as number 0: {why}"
                 raise InputError.at(
-                    source, found, expected, line=line, line_word=line_word
+                    source, found, expected, line=line, line_word=line_word, hint=hint
                 ) from None
         raise
 
 
 def _out_of_reach(mechanism: Mechanism, pose: FloatArray) -> str | None:
-    """What keeps the chains from a pose, shape (1, 6), in words; None where they reach it."""
+    """What the core says of a pose, shape (1, 6), that the chains do not reach; None of others.
+
+    Where the mechanism has no poses at all, that is raised.
+    """
+    gains = np.ones(len(mechanism.channels))
+    _core.readings_at(mechanism, pose, 0.0 * gains, gains, 0.0)  # of no reach it says NaN
     try:
         _core.angles_at(mechanism, pose)
     except InputError as error:
-        if error.message.startswith(ALONE):
-            return error.message.removeprefix(ALONE)
+        return error.message
     return None
