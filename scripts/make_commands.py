@@ -9,8 +9,10 @@ from pathlib import Path
 
 from rsicalib import _core
 from rsicalib.cli.completion import verbs_of
+from rsicalib.cli.exits import EXITS
 from rsicalib.cli.parser import make_parser
 from rsicalib.io.files import write_text
+from rsicalib.results.certificate import EXIT_CODES
 
 PAGE = Path(__file__).parents[1] / "docs" / "commands.md"
 
@@ -19,10 +21,11 @@ HEAD = """\
 
 Written by `python -m scripts.make_commands` from the parser; a test compares. Results go to
 standard output, progress and warnings to standard error. Progress and colours are for terminals:
-none in a pipe, with `--quiet` or with `NO_COLOR` set. Completion for bash (zsh and fish alike):
+none in a pipe, with `--quiet` or with `NO_COLOR` set. Completion for bash (zsh alike) and for fish:
 
 ```console
 $ source <(rsicalib completion bash)
+$ rsicalib completion fish | source
 ```
 
 ## Exit codes
@@ -31,23 +34,17 @@ $ source <(rsicalib completion bash)
 |---|---|
 """
 
-CODES = {
-    0: "a usable calibration: adequate, or explained after tracing; or unjudged",
-    1: "a defect of rsicalib",
-    2: "the input or the options cannot be used; with `--json`, a document `rsicalib.error/1`",
-    3: "the data cannot determine what was asked",
-    4: "a calibration was found, but something is missing (a residual is left, or a law that no "
-    "term has is likelier than chance), or it is implausible; an alarm",
-    130: "interrupted (143 by SIGTERM, 129 by SIGHUP); no half-written file is left",
-}
-
 
 def text() -> str:
     """The whole page."""
-    known = {code for _, code in _core.VERDICTS}
-    assert known <= set(CODES), known
-    parts = [HEAD, *(f"| {code} | {words} |\n" for code, words in CODES.items()), "\n"]
-    parts.append("Which verdict has which: [the verdicts](report.md#the-verdict).\n\n")
+    known = {code for _, code in _core.VERDICTS} | {*EXIT_CODES.values()}
+    assert known <= set(EXITS), known
+    parts = [HEAD, *(f"| {code} | {words} |\n" for code, words in EXITS.items()), "\n"]
+    parts.append(
+        "Which verdict has which: [the verdicts](report.md#the-verdict); of a certificate: "
+        "[the decisions](certificate.md). With `--json`, 2 prints a document "
+        "`rsicalib.error/1`.\n\n"
+    )
     verbs = verbs_of(make_parser())
     said = Counter(row for parser, _ in verbs.values() for row in map(_row, _options(parser)))
     # Of two meanings of an option the one of more commands; `most_common` keeps their order.

@@ -24,7 +24,6 @@ import io
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -173,11 +172,8 @@ def _indented(text: str, indent: str) -> str:
 
 @contextlib.contextmanager
 def page(path: Path, bin: Path = BIN) -> Iterator[Page]:
-    """A page with a folder of its own; that of the README has the session of the package."""
+    """A page with a folder of its own."""
     with tempfile.TemporaryDirectory() as folder:
-        if path.name == "README.md":
-            for file in rsicalib.DEMO.glob("*.csv"):
-                shutil.copy(file, folder)
         yield Page(path, Path(folder), bin)
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from rsicalib import _core
+from rsicalib.errors import InputError
 from rsicalib.io.cells import COLUMNS
 from rsicalib.io.files import write_text
 from rsicalib.io.mechanisms import URDF_KEYS
@@ -207,8 +208,11 @@ description.
 READINGS = """\
 ## Readings: CSV or Parquet
 
-CSV in UTF-8 with a header line, commas and decimal points; or Parquet, if the name ends in
-`.parquet` or `.pq`; or a data frame. One row is one sample of all channels. Columns are found by
+CSV in UTF-8 with a header line; or Parquet, if the name ends in `.parquet` or `.pq`; or a data
+frame. Between the cells of CSV stand commas, semicolons or tabs, as the header says; beside
+semicolons and tabs decimals may have a comma. The file may be packed by gzip, may have comment
+lines (`#`) above the header and a row of units below it, which is held against the mechanism's. One
+row is one sample of all channels. Columns are found by
 name, in any order; other columns are ignored with a warning. A cell that cannot be used makes the
 file refused, with line and column.
 
@@ -293,13 +297,39 @@ def folded(summary: str, inner: str) -> str:
     )
 
 
+def _of_core() -> dict[str, Any]:
+    """Schema of a mechanism by the core."""
+    return _with_classes(json.loads(_core.mechanism_schema()))
+
+
+def _with_classes(schema: dict[str, Any]) -> dict[str, Any]:
+    """A schema in which a law of one's own has the classes that the core takes of one."""
+    kinds = schema["$defs"]
+    if "OwnTerm" in kinds:
+        words = kinds["OwnTerm"]["properties"]["class"]["description"]
+        classes = [one["const"] for one in kinds["Class"]["oneOf"] if _is_of_laws(one["const"])]
+        own = {"type": "string", "enum": classes, "description": words}
+        kinds["OwnTerm"]["properties"]["class"] = own
+    return schema
+
+
+def _is_of_laws(klass: str) -> bool:
+    """Whether a law of one's own may be of a class."""
+    law = {"id": "law", "per": "all", "correction": "a", "parameters": {"a": 1.0}}
+    try:
+        _core.Term.from_dict({**law, "class": klass})
+    except InputError as error:
+        return f'found "{klass}"' not in error.message
+    return True
+
+
 def mechanism_file() -> dict[str, Any]:
     """Schema of a mechanism file: of a mechanism, and of what a robot description stands for in it.
 
     Beside a chain from a URDF channels need not be declared, nor what the description tells of
     them.
     """
-    schema: dict[str, Any] = json.loads(_core.mechanism_schema())
+    schema = _of_core()
     kinds = schema["$defs"]
     text = {"type": "string"}
     types = {"channels": {"type": "object", "additionalProperties": text}}
@@ -325,7 +355,7 @@ def mechanism_file() -> dict[str, Any]:
 
 def mechanism() -> Iterator[str]:
     """Keys of a mechanism file: the whole, then each type below its key."""
-    schema = json.loads(_core.mechanism_schema())
+    schema = _of_core()
     yield from _sections("The whole file", schema, schema["$defs"])
 
 
@@ -345,7 +375,7 @@ def _sections(title: str, kind: Mapping[str, Any], types: Mapping[str, Any]) -> 
 
 def results() -> Iterator[str]:
     """Keys of results."""
-    mechanism = json.loads(_core.mechanism_schema())
+    mechanism = _of_core()
     done = {"mechanism-toml": mechanism}
     for name, schema in _schemas().items():
         yield from _document(name, schema, done)
@@ -426,7 +456,7 @@ def _anchor(name: str) -> str:
 
 def _schemas() -> dict[str, dict[str, Any]]:
     """Schemas of the core's results by format."""
-    return {name: json.loads(schema) for name, schema in _core.schemas()}
+    return {name: _with_classes(json.loads(schema)) for name, schema in _core.schemas()}
 
 
 def schema_keys(schema: Mapping[str, Any], types: Mapping[str, Any]) -> str:

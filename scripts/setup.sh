@@ -33,12 +33,21 @@ build() {
     PIP_QUIET=1 VIRTUAL_ENV="$PWD/.venv" .venv/bin/maturin develop --release --quiet "$@" >&2
 }
 
+# find_cargo: a cargo that is not older than Cargo.toml asks for.
+find_cargo() {
+    command -v cargo >/dev/null || die "no cargo; see https://rustup.rs"
+    needed=$(sed -n 's/^rust-version = "\(.*\)"$/\1/p' Cargo.toml)
+    there=$(cargo --version | cut -d ' ' -f 2)
+    oldest=$(printf '%s\n' "$needed" "$there" | sort -V | head -n 1)
+    [ "$oldest" = "$needed" ] || die "cargo is of $there, and $needed or later is needed; see https://rustup.rs"
+}
+
 # environment: the interpreter in .venv, with nothing in it. What a program imports it compiles once, into .venv, whatever
 # is set up elsewhere: programs of the tests would compile it each time.
 environment() {
     unset PYTHONDONTWRITEBYTECODE
     export PYTHONPYCACHEPREFIX="$PWD/.venv/bytecode"
-    command -v cargo >/dev/null || die "no cargo; see https://rustup.rs"
+    find_cargo
     if [ ! -x .venv/bin/python ]; then
         find_python
         "$python" -m venv .venv

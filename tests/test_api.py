@@ -9,6 +9,7 @@ import datetime
 import importlib
 import inspect
 import json
+import pickle
 import re
 import subprocess
 import sys
@@ -21,6 +22,8 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, Calibration, InputError, Trace
+from rsicalib.errors import ResultError
+from rsicalib.work.outcome import about
 from tests import oracle
 from tests.test_families import clean
 
@@ -160,9 +163,27 @@ def test_the_inverse_agrees_with_the_oracle_and_forward_with_the_inverse() -> No
     np.testing.assert_allclose(rsicalib.forward(readings), poses, atol=1e-7)
 
 
-def test_a_pose_out_of_reach_is_refused_by_its_number() -> None:
-    with pytest.raises(InputError, match=r"pose 1 .*out of reach"):
+def test_a_pose_out_of_reach_is_refused_by_its_row() -> None:
+    with pytest.raises(InputError, match=r"^poses, row 2: found a pose out of reach.* arm") as told:
         rsicalib.inverse([[0, 0, -2.666, 0, 0, 0], [9, 0, -2.666, 0, 0, 0]])
+    assert told.value.where is not None and told.value.where["line"] == 2
+
+
+def test_a_fixture_names_the_pose_out_of_reach_as_its_file_does(tmp_path: Path) -> None:
+    lines = CHECK.read_text(encoding="utf-8").splitlines()
+    column = lines[0].split(",").index("x")
+    label = lines[0].split(",").index("pose")
+    rows = [line.split(",") for line in lines]
+    for row in rows:
+        if row[label] == "3":
+            row[column] = "100"
+    path = tmp_path / "far.csv"
+    path.write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
+    first = next(k for k, row in enumerate(rows, 1) if row[label] == "3")
+    with pytest.raises(InputError, match=r"found pose 3 out of reach, .* arm1 by") as told:
+        rsicalib.fixture(path)
+    where = told.value.where
+    assert where is not None and (where["file"], where["line"]) == (str(path), first)
 
 
 def test_a_fixture_calibration_is_the_least_squares_line_of_each_channel() -> None:
@@ -177,6 +198,8 @@ def test_a_fixture_calibration_is_the_least_squares_line_of_each_channel() -> No
         assert found["offset", name].value == pytest.approx(offset, rel=1e-9)
     assert found.method == "fixture"
     assert found.exit_code == 0
+    assert found.noise is not None and found.noise.kind == "fit"
+    assert "count per sample (repeats, and scatter" in found.summary(width=200)
 
 
 def test_the_noise_of_a_fixture_calibration_is_that_of_one_reading() -> None:
@@ -445,3 +468,51 @@ def test_a_result_of_another_kind_is_refused_by_its_format() -> None:
     found = rsicalib.demo().to_dict()
     with pytest.raises(InputError, match=r"rsicalib\.trace/1.*rsicalib\.calibration/1"):
         rsicalib.Calibration.from_dict(found)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"covariance": [[1, 2], [3]]}, r"result, covariance: found 2 rows"),
+        ({"parameters": "abc"}, r"result, parameters .*: found text"),
+        ({"verdict": "foo"}, r"result, verdict .*: found unknown variant `foo`"),
+        ({"note": object()}, r"found what is no value of JSON"),
+    ],
+)
+def test_values_of_a_result_are_checked_as_its_file_is(
+    traced: Trace, change: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        Trace.from_dict({**traced.to_dict(), **change})
+
+
+@pytest.mark.parametrize("given", [{}, None, 3])
+def test_what_is_no_result_is_refused(given: Any) -> None:
+    with pytest.raises(InputError, match=r"^result"):
+        Trace.from_dict(given)
+
+
+def test_errors_come_back_from_other_processes() -> None:
+    for error in (ResultError("a", "b", "c"), InputError.at("f", "x", "y", line=3)):
+        again = pickle.loads(pickle.dumps(error))
+        assert str(again) == str(error) and vars(again) == vars(error)
+
+
+def test_modules_that_are_documented_are_there_at_once() -> None:
+    assert rsicalib.__getattr__("errors") is importlib.import_module("rsicalib.errors")
+    with pytest.raises(AttributeError, match="no attribute 'erors'"):
+        rsicalib.__getattr__("erors")
+    assert rsicalib.InputTypeError is rsicalib.errors.InputTypeError
+
+
+def test_a_date_may_be_one_of_numpy() -> None:
+    given = {"2025-03-01": "D", "2025-03-01T10:30:00": "ns"}
+    for text, unit in given.items():
+        assert about(None, None, np.datetime64(text, unit))["valid_from"] == text
+    with pytest.raises(InputError, match="date: found"):
+        about(None, None, np.datetime64("NaT"))
+
+
+def test_what_is_no_path_of_a_result_is_refused() -> None:
+    with pytest.raises(rsicalib.InputTypeError, match="calibration: found None, expected the path"):
+        rsicalib.load_calibration(None)  # type: ignore[arg-type]

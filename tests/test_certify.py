@@ -450,8 +450,8 @@ def test_places_come_from_files_of_readings_or_of_poses(
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"limit": -1.0}, "found -1.0, expected a length in in above 0"),
-        ({"limit": 0}, "expected a length in in above 0"),
+        ({"limit": -1.0}, "found -1.0, expected a length [in] above 0"),
+        ({"limit": 0}, "expected a length [in] above 0"),
         ({"limit": "0.5 kg"}, "found '0.5 kg'"),
         ({"limit": "half an inch"}, "found 'half an inch'"),
         ({"limit": "0.5.1 mm"}, "found '0.5.1 mm'"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import scipy.stats
 
 import rsicalib
+from rsicalib import DEMO
 from rsicalib.errors import InputError
 from tests import oracle
 from tests.full import sized
@@ -64,6 +66,19 @@ def test_places_are_compared_after_a_rigid_motion(
     aligned = found.fit.aligned
     assert aligned is not None and aligned.predicted is not None
     assert 1e-3 < aligned.predicted.p_value
+
+
+@pytest.mark.parametrize("verb", [rsicalib.calibrate, rsicalib.fixture])
+def test_what_is_told_of_known_poses_needs_them(verb: Callable[..., object]) -> None:
+    readings, check = DEMO / "check.csv", DEMO / "check.csv"
+    for told in ({"check_point": "wrist1"}, {"check_noise": 1.0}, {"align": True}):
+        (name,) = told
+        with pytest.raises(InputError, match=f"^{name}: found no check, expected known poses"):
+            verb(readings, **told)
+    with pytest.raises(InputError, match=r"found 'wirst1' \(did you mean 'wrist1'\?\), expected a"):
+        verb(readings, check=check, check_point="wirst1")
+    with pytest.raises(InputError, match="expected places x y z of the point"):
+        verb(readings, check=check, check_point="wrist1")
 
 
 def test_an_instrument_has_noise_of_its_own(

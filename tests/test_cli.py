@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from argparse import ArgumentParser
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import rsicalib
 from rsicalib import DEMO
+from rsicalib.cli import output, progress, verbs
+from rsicalib.cli.arguments import ARGUMENTS, Verb
+from rsicalib.guide.run import guide
 from tests.commands import run_text as run
 
+OTHERWISE = {
+    "import_": rsicalib.import_log,
+    "export": rsicalib.export_result,
+    "guide": guide,
+}
+"""Functions of verbs whose names Python has for something else."""
 READINGS, REST, CHECK = (str(DEMO / f"{name}.csv") for name in ("readings", "rest", "check"))
 VERBS = ("demo", "calibrate", "trace", "fixture", "forward", "terms", "mechanism")
 VERBS += ("simulate", "plan", "guide", "paper", "fleet", "watch", "history")
@@ -30,6 +43,19 @@ def strict(text: str) -> dict[str, Any]:
 
     found: dict[str, Any] = json.loads(text, parse_constant=refuse)
     return found
+
+
+def test_every_option_of_a_verb_is_taken() -> None:
+    """One of `fixture` was read, and handed on to nobody."""
+    source = "".join(map(inspect.getsource, (verbs, output, progress)))
+    for run_verb, add in ARGUMENTS.items():
+        parser = ArgumentParser()
+        add(Verb(parser))
+        name = run_verb.__name__
+        function = OTHERWISE.get(name) or getattr(rsicalib, name, None)
+        of_python = set() if function is None else {*inspect.signature(function).parameters}
+        for dest in {action.dest for action in parser._actions} - of_python - {"help"}:
+            assert re.search(rf"args\.{dest}\b|args, \"{dest}\"", source), (run_verb, dest)
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -63,6 +89,9 @@ def test_the_demo_explains_a_device_and_prints_the_path_of_its_report(tmp_path: 
     assert all(f"a{arm}{joint} " in text for arm in (1, 2, 3) for joint in (1, 2, 3))
     assert "held-out" in text and "check poses" in text and "more" not in text.split("→")[0]
     assert len(text.splitlines()) < 80
+    use = "→ Use it: rsicalib forward READINGS --calibration rsicalib-demo/result.json"
+    assert use in text.splitlines() and use in done.stdout.splitlines()  # it is copied as it stands
+    assert "--calibration rsicalib-demo/result.json<" in path.read_text().replace("</span>", "")
 
 
 def test_calibrate_and_trace_print_only_the_result_with_json() -> None:

@@ -484,6 +484,14 @@ def test_a_bad_reading_in_an_array_is_refused_by_row_and_channel(bad, found):
     assert (caught.value.where["line"], caught.value.where["found"]) == (5, found)
 
 
+def test_arrays_take_a_mechanism_as_verbs_do():
+    import rsicalib
+
+    values, _ = session()
+    named, drawn = (Readings.from_arrays(m, values) for m in ("rsi", rsicalib.load_mechanism()))
+    assert named.sha256 == drawn.sha256
+
+
 def test_the_arrays_given_stay_the_callers():
     values, _ = session()
     readings = Readings.from_arrays(RSI, values)
@@ -509,6 +517,16 @@ def test_arrays_that_do_not_fit_are_refused(change, column, found):
     with pytest.raises(InputError) as caught:
         Readings.from_arrays(RSI, **{"values": session()[0], **change})
     assert (caught.value.where["column"], caught.value.where["found"]) == (column, found)
+
+
+def test_a_masked_reading_of_an_array_is_blank():
+    """The number below a mask was taken for a reading."""
+    values = np.ma.array(session()[0])
+    assert load_readings(values, RSI).values.tolist() == session()[0].tolist()
+    values[3, 1] = np.ma.masked
+    with pytest.raises(InputError, match="row 4, column a12: found blank"):
+        load_readings(values, RSI)
+    assert len(load_readings(values, RSI, skip_bad_rows=True)) == len(values) - 1
 
 
 def test_a_mask_says_which_rows_are_used_and_no_other_column_is_one():

@@ -260,3 +260,11 @@ def holds(text: str, number: str) -> bool:
     """Whether a text holds a number, or words with numbers, that nothing continues."""
     words = r"\s+".join(map(re.escape, number.split()))
     return re.search(rf"(?<![\w.−-]){words}(?!\w|[.,]\d)", text) is not None
+
+
+def test_every_public_name_of_python_is_on_its_page() -> None:
+    text = (make_docs.DOCS / "python.md").read_text(encoding="utf-8")
+    described = re.findall(r"^::: \S*\.(\w+)$", text, re.M) + re.findall(r"`(\w+)`", text)
+    members = re.findall(r"members: \[(.*)\]", text)
+    errors = {name for line in members for name in line.split(", ")}
+    assert {*rsicalib.__all__} - {*described, *errors} == set()

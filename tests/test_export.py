@@ -107,7 +107,7 @@ def invented(mechanism: rsicalib.Mechanism, terms: list[str], seed: int = 0) -> 
             "covariance": (1e-6 * np.eye(len(parameters))).tolist(),
             "reference": {
                 "centre": rng.normal(0.0, 1.0, len(channels)).tolist(),
-                "span": [[-1.0, 1.0]] * len(channels),
+                "span": [[-9.0, 9.0]] * len(channels),
                 "temperature": None,
             },
             "fit": {"chi2": 1.0, "dof": 1.0, "p_value": 0.5, "rms_misclosure": 1e-5},
@@ -201,7 +201,7 @@ def with_parameters(
         entry = {"term": term, "target": target, "name": name, "value": value, "sd": 1e-4}
         [units] = _core.units_of(rsicalib.load_mechanism("rsi"), [((term, target, place), name)])
         plain["parameters"].append({**entry, "place": place, "unit": (units or ["in"])[0]})
-    plain["covariance"] = (1e-8 * np.eye(len(plain["parameters"]))).tolist()
+    plain["covariance"] = np.diag([p["sd"] ** 2 for p in plain["parameters"]]).tolist()
     return Calibration.from_dict(plain)
 
 

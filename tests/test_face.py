@@ -390,9 +390,9 @@ def test_without_the_extras_a_plot_and_a_frame_say_what_to_install(
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
     monkeypatch.setitem(__import__("sys").modules, "pandas", None)
-    with pytest.raises(ImportError, match=r"pip install rsicalib\[plot\]"):
+    with pytest.raises(ImportError, match=r"pip install 'rsicalib\[plot\]'"):
         calibration.plot()
-    with pytest.raises(ImportError, match=r"pip install rsicalib\[pandas\]"):
+    with pytest.raises(ImportError, match=r"pip install 'rsicalib\[pandas\]'"):
         calibration.to_dataframe()
 
 

@@ -11,6 +11,8 @@ import rsicalib
 from rsicalib import DEMO, InputError
 from rsicalib.cores import available_cores
 from rsicalib.io.files import whole_file, without_parts, write_text
+from rsicalib.io.folders import write_folder
+from tests.commands import run_text
 
 
 def test_a_file_is_replaced_as_a_whole(tmp_path: Path) -> None:
@@ -38,6 +40,45 @@ def test_a_part_of_a_file_is_removed_when_the_command_is_left_at_once(tmp_path: 
         file.write("half")
         with without_parts():
             assert list(tmp_path.iterdir()) == []
+
+
+def test_a_link_stays_one_and_permissions_stay(tmp_path: Path) -> None:
+    real, link = tmp_path / "real.json", tmp_path / "link.json"
+    real.write_text("old", encoding="utf-8")
+    real.chmod(0o600)
+    link.symlink_to("real.json")
+    write_text(link, "new")
+    assert link.is_symlink() and real.read_text(encoding="utf-8") == "new"
+    assert real.stat().st_mode & 0o777 == 0o600
+    write_folder(tmp_path, {"link.json": '{"format": "rsicalib.x"}'}, seal="link.json", force=True)
+    assert link.is_symlink() and "format" in real.read_text(encoding="utf-8")
+
+
+def test_a_plan_and_its_page_are_two_files(tmp_path: Path) -> None:
+    done = run_text("plan", "--out", "plan.html", cwd=tmp_path)
+    assert done.returncode == 2 and "the page is written beside it" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes with names")
+def test_a_pipe_is_written_to_and_stays(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    end = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    write_text(pipe, "text")
+    assert os.read(end, 10) == b"text" and pipe.is_fifo()
+    os.close(end)
+
+
+@pytest.mark.parametrize("name", ["", ".", "/"])
+def test_a_path_without_a_name_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"expected the name of a file|no name"):
+        write_text(name, "text")
+    done = run_text("plan", "--out", name, cwd=tmp_path)
+    assert done.returncode == 2 and "expected" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(InputError, match="found no name, expected that of a folder"):
+        write_folder("", {"a.txt": "text"})
 
 
 def test_a_place_where_one_cannot_write_is_refused(tmp_path: Path) -> None:

@@ -135,6 +135,33 @@ def test_what_is_wrong_with_a_device_is_a_row_and_the_others_stay(
     assert np.isnan(found["chi2"][1]) and np.isnan(found["gain@a11_sd"][1])
 
 
+@pytest.mark.parametrize("missing", [None, float("nan"), " "])
+def test_rows_without_a_device_are_no_device(sessions: list[Any], missing: Any) -> None:
+    """Each NaN was a device of its own, and blanks were one that may be adequate."""
+    devices = [rows_of(label, sessions[k]) for k, label in enumerate([missing, "d"])]
+    found = calibrate_devices(stacked(*devices))
+    assert found["device"].tolist() == [None, "d"]
+    assert found["verdict"].tolist() == [None, "adequate"]
+    assert found["message"][0] == "found 48 rows without a device, expected none"
+
+
+def test_a_fleet_has_a_row_for_rows_without_a_device(sessions: list[Any], tmp_path: Path) -> None:
+    frame = stacked(*(rows_of(d, sessions[k]) for k, d in enumerate(["", "d", ""])))
+    for name, group in (("whole", 1000), ("cut", 30)):
+        folder = tmp_path / name
+        parquet.write_table(pa.table(frame), tmp_path / f"{name}.parquet", row_group_size=group)
+        rsicalib.fleet(tmp_path / f"{name}.parquet", out=folder, trace=False)
+        found = dict(zip(read(folder)["device"], read(folder)["verdict"], strict=True))
+        assert found == {None: None, "d": "adequate"}
+
+
+def test_readings_of_rest_poses_name_their_devices(sessions: list[Any], tmp_path: Path) -> None:
+    parquet.write_table(pa.table(rows_of("d", sessions[0])), tmp_path / "fleet.parquet")
+    sessions[0].rest.to_csv(tmp_path / "rest.csv")
+    with pytest.raises(InputError, match=r"rest\.csv: found no column 'device', expected one that"):
+        Dataset(tmp_path / "fleet.parquet", "device")
+
+
 def test_too_few_poses_are_undetermined(sessions: list[Any]) -> None:
     few = {name: cells[:9] for name, cells in rows_of("few", sessions[0]).items()}
     found = calibrate_devices(stacked(few, rows_of("d", sessions[1])))

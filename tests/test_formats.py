@@ -14,7 +14,7 @@ import pytest
 import rsicalib
 from rsicalib import DEMO
 from rsicalib.facts.records import plain
-from scripts import declared
+from scripts import declared, make_formats
 
 SCHEMAS = Path(rsicalib.__file__).parent / "schema"
 ROOT = Path(__file__).parents[1]
@@ -125,3 +125,9 @@ def test_every_key_has_its_meaning() -> None:
         for kind in (schema, *schema["$defs"].values()):
             assert kind["description"]
             assert all(len(value["description"]) > 3 for value in kind["properties"].values())
+
+
+def test_a_law_has_the_classes_that_are_listed() -> None:
+    """One was listed that the core refuses."""
+    law = make_formats.mechanism_file()["$defs"]["OwnTerm"]["properties"]["class"]
+    assert law["enum"] == ["sensor", "electronics", "geometry", "closure", "load"]

@@ -100,7 +100,7 @@ def test_what_does_not_hold_elsewhere_is_warned_of(made: Any) -> None:
     worse = replace(found, verdict="partly_explained", reasons=(reason,))
     assert any("hold elsewhere" in text for text in advice(worse))
     said = " ".join(worse.summary().split())
-    assert "does not hold elsewhere: groups that were not fitted close to 2.00 mm, and 1.00" in said
+    assert "does not hold elsewhere: groups that were not fitted close to 2.00 mm; 1.00" in said
     assert rsicalib.Trace.from_dict(worse.to_dict()).reasons == (reason,)
 
 

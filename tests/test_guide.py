@@ -781,6 +781,15 @@ def test_a_mechanism_without_a_platform_and_targets_that_mean_nothing_are_refuse
         guide(tmp_path / "b", bare, source="true")
 
 
+def test_a_source_without_a_sample_is_refused(tmp_path: Path) -> None:
+    """Its lines were counted, and the poses blamed."""
+    from rsicalib.guide.run import guide
+
+    (tmp_path / "bare.csv").write_text("1,2,3,4,5,6,7,8,9\n" * 5, encoding="utf-8")
+    with pytest.raises(InputError, match=r"found 5 lines and no sample \(found no header with the"):
+        guide(tmp_path / "o", source=f"cat {tmp_path / 'bare.csv'}", port=None, browser=False)
+
+
 def test_a_source_that_ends_early_determines_nothing(tmp_path: Path) -> None:
     run = subprocess.run(
         [sys.executable, "-m", "rsicalib", "guide", "--out", str(tmp_path / "o"), "--no-browser"],
@@ -790,3 +799,8 @@ def test_a_source_that_ends_early_determines_nothing(tmp_path: Path) -> None:
         timeout=60,
     )
     assert run.returncode == 3 and "do not determine" in run.stderr
+
+
+def test_an_address_of_another_machine_is_named_by_its_option() -> None:
+    with pytest.raises(InputError, match=r"^--host: found 192\.0\.2\.1 .* address of this machine"):
+        Page(lambda: {}, {}, host="192.0.2.1")

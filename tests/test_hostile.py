@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from rsicalib.io.stream import rows_of
 from rsicalib.work.prior import read_population
 from rsicalib.work.state import read_state
 from tests.channels import Named
-from tests.commands import run
+from tests.commands import run, run_text
 
 READINGS = (DEMO / "readings.csv").read_text(encoding="utf-8")
 POSIX = pytest.mark.skipif(os.name != "posix", reason="names of files are bytes on POSIX alone")
@@ -287,3 +288,53 @@ def test_what_runs_programs_or_opens_connections_is_on_the_page_of_security() ->
     assert found == set(options)
     page = (Path(__file__).parents[1] / "SECURITY.md").read_text(encoding="utf-8")
     assert [option for option in options.values() if option not in page] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (
+            ("--json", "calibrate", DEMO / "readings.csv"),
+            "found '--json' before calibrate, expected it behind",
+        ),
+        (
+            ("calibrate", DEMO / "readings.csv", "--js"),
+            "found '--js' (did you mean '--json'?), expected an opt",
+        ),
+        (
+            ("calibrate", DEMO / "readings.csv", "--noise", "a11=1,a12=1,a11=3"),
+            "found a name twice",
+        ),
+        (("mechanism", "."), ".: found a directory, expected a mechanism file"),
+        (("mechanism", ""), "found no such file, expected a mechanism file"),
+        (("plan", "--out", "folder"), "folder: found a directory, expected the name of a file"),
+    ],
+)
+def test_what_is_at_fault_in_a_command_is_named(
+    words: tuple[Any, ...], told: str, tmp_path: Path
+) -> None:
+    (tmp_path / "folder").mkdir()
+    done = run_text(*words, cwd=tmp_path)
+    said = json.loads(done.stdout)["message"] if "--json" in words else done.stderr
+    assert done.returncode == 2 and told in said
+
+
+@pytest.mark.parametrize("verb", ["paper", "certify", "history"])
+def test_a_file_of_another_is_refused_before_anything_is_computed(
+    verb: str, tmp_path: Path
+) -> None:
+    stem = {"certify": "certificate"}.get(verb, verb)
+    (tmp_path / f"{stem}.html").write_text("mine", encoding="utf-8")
+    given = {"certify": ("none.json", "--limit", "1"), "history": ("none",)}.get(verb, ())
+    done = run_text(verb, *given, "--out", tmp_path)
+    assert done.returncode == 2 and "found a file that rsicalib did not write" in done.stderr
+
+
+def test_a_list_that_is_advised_keeps_parameter_and_value() -> None:
+    with pytest.raises(InputError, match=r"\['curvature@a22\.c2=0\.02'\]"):
+        rsicalib.suppose(DEMO / "readings.csv", "curvature@a22.c2=0.02")  # type: ignore[arg-type]
+
+
+def test_an_array_is_no_table_of_devices_whatever_is_installed() -> None:
+    with pytest.raises(InputError, match="found ndarray, expected a data frame"):
+        rsicalib.calibrate_devices(np.zeros((3, 9)))

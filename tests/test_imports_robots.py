@@ -274,7 +274,8 @@ def test_a_library_that_is_not_there_is_named_with_its_extra(
     path = tmp_path / "episode_0.hdf5"
     path.write_bytes(b"\x89HDF\r\n\x1a\n")
     monkeypatch.setitem(__import__("sys").modules, "h5py", None)
-    with pytest.raises(InputError, match=r"no h5py to read it.*pip install 'rsicalib\[hdf5\]'"):
+    words = r"no library 'h5py' for an HDF5.*pip install 'rsicalib\[hdf5\]'"
+    with pytest.raises(InputError, match=words):
         rsicalib.import_log(path)
 
 

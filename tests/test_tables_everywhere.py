@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import rsicalib
-from rsicalib import InputError, Trace
+from rsicalib import DEMO, InputError, Trace
 from tests import crank
 
 pandas = pytest.importorskip("pandas")
@@ -117,3 +117,31 @@ def test_a_watch_over_devices_takes_a_frame(found: Trace, tmp_path: Path) -> Non
     watch = rsicalib.watch_devices(table, tmp_path, crank.MECHANISM)
     assert list(watch) == []
     assert watch.summary().rows == 60
+
+
+def test_a_cell_of_which_pandas_says_nothing_is_blank() -> None:
+    table = pandas.DataFrame(crank.columns()).astype(object)
+    table.loc[5, "crank"] = pandas.NA
+    with pytest.raises(InputError, match="row 6, column crank: found blank"):
+        rsicalib.load_readings(table, crank.MECHANISM)
+    kept = rsicalib.load_readings(table, crank.MECHANISM, skip_bad_rows=True)
+    assert len(kept) == len(table) - 1
+
+
+def test_what_is_in_memory_is_called_by_its_argument() -> None:
+    frame = rsicalib.load_readings(DEMO / "readings.csv").to_dataframe()
+    for name in ("rest", "check"):
+        words = rf"^{name} \(data in memory\): found no readings"
+        with pytest.raises(InputError, match=words):
+            rsicalib.calibrate(frame, **{name: frame.iloc[:0]})
+    with pytest.raises(InputError, match="The names of the columns are numbers"):
+        rsicalib.load_readings(pandas.DataFrame(frame.to_numpy()))
+
+
+@pytest.mark.parametrize("source", ["run", "run v1.5"])
+def test_a_name_of_arrays_is_no_file_whatever_is_in_it(source: str) -> None:
+    given = np.column_stack([*crank.columns().values()])
+    named = rsicalib.Readings.from_arrays(
+        rsicalib.load_mechanism(crank.MECHANISM), given, source=source
+    )
+    assert rsicalib.calibrate(named, crank.MECHANISM).readings.files == ()

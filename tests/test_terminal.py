@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import io
 import os
 import re
@@ -19,9 +20,11 @@ import pytest
 import rsicalib
 from rsicalib import DEMO
 from rsicalib.cli import colours, completion, progress
+from rsicalib.cli.output import summary_of
 from rsicalib.cli.parser import make_parser
 from rsicalib.cli.progress import ProgressLine, progress_of
 from rsicalib.cli.streams import folded
+from rsicalib.report.terminal import LABELS
 from tests.commands import run_text
 from tests.full import sized
 
@@ -55,10 +58,26 @@ def test_the_story_is_told_in_25_lines_with_the_misclosure_in_it() -> None:
         lines = result.summary().splitlines()
         assert len(lines) <= 25 and max(map(len, lines)) <= 100
         (line,) = (text for text in lines if "misclosure, rms [in]" in text)
-        assert lines[-1][-1] in ".:"  # what to do next is no half of a sentence
+        assert lines[-1][-1] in ".:)"  # what to do next is no half of a sentence
         rms = result.quality.rms_misclosure
         assert rms is not None
         assert float(line.split()[-1]) == pytest.approx(rms, rel=0.005)  # three digits
+
+
+def test_what_to_do_next_says_where_the_result_stands(tmp_path: Path) -> None:
+    def use(summary: str) -> str:
+        return next(line for line in summary.splitlines() if line.startswith("→ Use it"))
+
+    found = demo()
+    assert use(found.summary()) == "→ Use it: rsicalib.forward(readings, calibration=found)"
+    command = "rsicalib forward READINGS --calibration"
+    assert (
+        use(summary_of(found, None)) == f"→ Use it: add --out DIR, then {command} DIR/result.json"
+    )
+    assert use(summary_of(found, Path("re port"))) == f'→ Use it: {command} "re port/result.json"'
+    path = tmp_path / "r.json"
+    found.save(path)
+    assert f"{command} {path}" in rsicalib.load_calibration(path).summary(width=1000)
 
 
 @pytest.mark.parametrize("width", [60, 80, 97, 140])
@@ -430,3 +449,22 @@ def test_the_command_that_a_result_advises_works_as_it_is_printed(tmp_path: Path
     printed = re.search(r"rsicalib (forward(?:.|\n)*?result\.json)", said.stdout)
     assert printed is not None
     assert run_text(*printed[1].split(), cwd=tmp_path).returncode == 0
+
+
+def test_all_labels_of_a_summary_are_faint() -> None:
+    for label in LABELS:
+        shown = colours.painted(f"Explained: it was.\n\n  {label:10}words", good=True)
+        assert f"  {colours.FAINT}{label}{colours.PLAIN} " in shown
+
+
+def test_one_of_something_is_one() -> None:
+    whole = rsicalib.load_readings(READINGS)
+    one = whole.select((whole.pose == 1) & (whole.sample == 1))
+    assert repr(one) == f"<Readings {READINGS!r}: 1 sample of 1 pose, 9 channels>"
+
+
+def test_a_p_value_is_never_zero() -> None:
+    found = demo()
+    fit = dataclasses.replace(found.after, p_value=0.0)
+    assert repr(dataclasses.replace(found, after=fit)).endswith("48 poses, p < 1e-99>")
+    assert "p < 1e-99" in repr(dataclasses.replace(found.steps[0], p_value=0.0))

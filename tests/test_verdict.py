@@ -487,7 +487,7 @@ def test_what_is_predicted_to_be_worse_than_as_drawn_says_so() -> None:
     reason = Reason("predicted_declared", 62.0, 5.0)
     first = replace(found, verdict="unexplained", reasons=(reason,)).summary()
     assert " ".join(first.split()).startswith(
-        "Contradicted: check poses are predicted to be off by 62.0 in, and 5.00 in is their error "
+        "Contradicted: check poses are predicted to be off by 62.0 in; 5.00 in is their error "
         "with the mechanism as it is declared"
     )
     assert "Do not use it" in first

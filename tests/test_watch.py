@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import json
+import os
 import pickle
 import shutil
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,8 @@ import pytest
 
 import rsicalib
 from rsicalib import DEMO, InputError, Mechanism, Monitor, Term
+from rsicalib.guide.source import open_source
+from rsicalib.io.lines import parts_of
 from rsicalib.io.stream import rows_of
 from rsicalib.verbs.devices import _results
 from tests import oracle
@@ -328,9 +332,57 @@ def test_what_cannot_be_watched_is_refused(step: dict[str, Any], tmp_path: Path)
         Monitor(step["calibration"]).update(np.zeros(8))
     with pytest.raises(InputError, match="a33"):
         Monitor(step["calibration"]).update(dict.fromkeys(NAMES[:8], 2000.0))
-    missing = tmp_path / "none.csv"
-    with pytest.raises(InputError, match="No such file"):
-        list(rsicalib.watch(missing, step["calibration"]))
+    for name in ("none.csv", "none.parquet"):
+        with pytest.raises(InputError, match="found no such file, expected a file of readings"):
+            list(rsicalib.watch(tmp_path / name, step["calibration"]))
+
+
+def test_a_file_without_rows_is_refused(step: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "head.csv"
+    path.write_text(",".join(NAMES) + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"head\.csv: found no readings, expected at"):
+        list(rsicalib.watch(path, step["calibration"]))
+
+
+def test_lines_may_end_as_on_old_macs(step: dict[str, Any], tmp_path: Path) -> None:
+    """What `calibrate` reads; ends of Windows that come in two parts are none of these."""
+    text = (DEMO / "check.csv").read_bytes()
+    for name, end in (("mac", b"\r"), ("windows", b"\r\n")):
+        (tmp_path / name).write_bytes(text.replace(b"\n", end))
+        watching = rsicalib.watch(tmp_path / name, step["calibration"])
+        list(watching)
+        assert watching.summary().rows == 160
+    ends, begins = os.pipe()
+    os.write(begins, b"a,b\r")
+    parts = parts_of(ends, "pipe", False)
+    threading.Timer(0.05, lambda: (os.write(begins, b"\n1,2\r\n"), os.close(begins))).start()
+    assert [line.strip() for lines in parts for line in lines] == [b"a,b", b"1,2"]
+    os.close(ends)
+
+
+def test_a_damaged_file_of_rows_is_refused(step: dict[str, Any], tmp_path: Path) -> None:
+    pa, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "rows.parquet"
+    rows = np.random.default_rng(0).uniform(0, 4095, (200, 9))
+    parquet.write_table(pa.table(dict(zip(NAMES, rows.T, strict=True))), path)
+    data = bytearray(path.read_bytes())
+    data[4:400] = bytes(396)
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"found what pyarrow cannot read .* a Parquet file"):
+        list(rsicalib.watch(path, step["calibration"]))
+
+
+def test_standard_input_that_is_closed_is_refused_alike(
+    step: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdin", None)
+    for read in (
+        lambda: list(rsicalib.watch("-", step["calibration"])),
+        lambda: rsicalib.load_readings("-"),
+        lambda: open_source("-"),
+    ):
+        with pytest.raises(InputError, match=r"^standard input: found a closed stream, expected"):
+            read()
 
 
 @pytest.mark.parametrize("way", ["direction", "travelled[a11]"])

@@ -24,7 +24,9 @@ _HOMES = {
     "rsicalib.results.certificate": "Certificate",
     "rsicalib.verbs.certifying": "certify",
     "rsicalib.poses.devices": "Device",
-    "rsicalib.errors": "InputError OpenLoopsWarning RsicalibError UndeterminedError Where",
+    "rsicalib.errors": (
+        "InputError InputTypeError OpenLoopsWarning RsicalibError UndeterminedError Where"
+    ),
     "rsicalib.verbs.export": "export_toml export_urdf",
     "rsicalib.exports.opening": "export_result",
     "rsicalib.fleets.devices": "calibrate_devices",
@@ -64,6 +66,8 @@ def __getattr__(name: str) -> object:
         if name in names.split():
             value = globals()[name] = getattr(importlib.import_module(module), name)
             return value
+    if f"{__name__}.{name}" in _HOMES:
+        return importlib.import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -1,7 +1,14 @@
 # Written by `python -m scripts.make_stub`; a test compares.
 from rsicalib._core import Channel, Mechanism, Term, __version__
 from rsicalib.api import DEMO, demo, load_mechanism, load_readings, terms
-from rsicalib.errors import InputError, OpenLoopsWarning, RsicalibError, UndeterminedError, Where
+from rsicalib.errors import (
+    InputError,
+    InputTypeError,
+    OpenLoopsWarning,
+    RsicalibError,
+    UndeterminedError,
+    Where,
+)
 from rsicalib.exports.opening import export_result
 from rsicalib.facts.shapes import Parameter, Skipped, Step
 from rsicalib.facts.warned import Warned
@@ -48,6 +55,7 @@ __all__ = [
     "History",
     "Identifiable",
     "InputError",
+    "InputTypeError",
     "Log",
     "Mechanism",
     "Monitor",

@@ -23,7 +23,7 @@ DEMO = Path(__file__).with_name("demo")
 
 
 def load_mechanism(source: MechanismArg = "rsi") -> Mechanism:
-    """Load a mechanism; `Mechanism(source)` does the same.
+    """Load a mechanism; `Mechanism(source)` does the same with text, a path or a mapping.
 
     Parameters
     ----------

@@ -132,6 +132,9 @@ class ResultError(RsicalibError, ValueError):
         self.found = found
         self.expected = expected
 
+    def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
+        return type(self), (self.place, self.found, self.expected)
+
 
 class OpenLoopsWarning(UserWarning):
     """A result not to be relied on: its numbers were edited, or loops do not close under it."""

@@ -20,7 +20,7 @@ import numpy as np
 
 from rsicalib import _core
 from rsicalib.errors import InputError, InputTypeError
-from rsicalib.plain_text import meant, nearest, quoted
+from rsicalib.plain_text import counted, meant, nearest, quoted
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -183,9 +183,14 @@ def checked(verb: Callable[P, T]) -> Callable[P, T]:
 
 
 def _known_name(given: str, known: Sequence[str]) -> str:
-    """The known name that is nearest, with the value that stands behind it; else as given."""
+    """The known name that is nearest, with the parameter and the value that stand behind it; else
+    as given.
+    """
     name, equals, value = given.partition("=")
-    return (nearest(name, known) or name) + equals + value
+    stem, dot, parameter = name.rpartition(".")
+    near = nearest(stem, known) if dot and name not in known else None
+    near = nearest(name, known) if near is None else f"{near}.{parameter}"
+    return (near or name) + equals + value
 
 
 def parsed(name: str) -> Callable[[str], Any]:
@@ -224,7 +229,7 @@ def noise_of(value: Any, channels: Sequence[_core.Channel], name: str = "noise")
 def rows(poses: int, samples: int) -> None:
     """Refuse more samples than fit into memory."""
     if poses * samples > MOST_ROWS:
-        found = f"{poses} poses of {samples} samples"
+        found = f"{counted(poses, 'pose')} of {counted(samples, 'sample')}"
         raise InputError(f"found {found}, expected at most {MOST_ROWS:,} samples")
 
 

@@ -28,7 +28,27 @@ HIDDEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 
 def counted(number: int, what: str) -> str:
     """So many of something: `1 pose`, `2 poses`."""
-    return f"{number} {what}{'s' * (number != 1)}"
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+SMALLEST = 1e-99
+"""A p-value below it may be one that a double cannot hold: it is not zero."""
+
+
+def p_equals(p: float, digits: str = ".2g") -> str:
+    """A p-value: `p = 0.03`, or `p < 1e-99`.
+
+    Examples
+    --------
+    >>> p_equals(0.0312), p_equals(0.0)
+    ('p = 0.031', 'p < 1e-99')
+    """
+    return f"p < {SMALLEST:g}" if p < SMALLEST else f"p = {p:{digits}}"
+
+
+def installed_by(extra: str) -> str:
+    """How an extra of the package is installed: quoted, as brackets are a pattern for shells."""
+    return f"pip install 'rsicalib[{extra}]'"
 
 
 def printable(text: str) -> str:

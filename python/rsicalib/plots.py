@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray
+from rsicalib.plain_text import installed_by
+from rsicalib.units import HALF_95
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +45,7 @@ def on_axes(ax: Axes | None, **size: Any) -> Axes:
     try:
         from matplotlib import pyplot
     except ImportError as error:
-        raise ImportError("a plot needs matplotlib: pip install rsicalib[plot]") from error
+        raise ImportError(f"a plot needs matplotlib: {installed_by('plot')}") from error
     new: Axes = pyplot.subplots(**{"layout": "constrained", **size})[1]
     return new
 
@@ -147,7 +149,7 @@ def curve(
     y = scale * y
     ax.axhline(0, color="0.6", lw=0.8)
     if len(sd) == len(x):
-        half = 1.96 * scale * np.asarray(sd)
+        half = HALF_95 * scale * np.asarray(sd)
         ax.fill_between(x, y - half, y + half, color=NEW, alpha=0.15, lw=0)
     ax.plot(x, y, color=NEW, label=name)
     ax.set(xlabel=x_words, ylabel=y_words, title=name)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from rsicalib.plain_text import installed_by
+
 if TYPE_CHECKING:
     import pandas
     import polars
@@ -40,7 +42,7 @@ def data_frame(columns: Mapping[str, Any], index: str | None = None) -> pandas.D
     try:
         import pandas
     except ImportError as error:
-        raise ImportError("a data frame needs pandas: pip install rsicalib[pandas]") from error
+        raise ImportError(f"a data frame needs pandas: {installed_by('pandas')}") from error
     frame = pandas.DataFrame({name: list(cells) for name, cells in columns.items()})
     return frame if index is None else frame.set_index(index)
 
@@ -111,7 +113,7 @@ class Tabular:
         raise NotImplementedError
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Make a data frame; needs pandas (`pip install rsicalib[pandas]`).
+        """Make a data frame; needs pandas (`pip install 'rsicalib[pandas]'`).
 
         Returns
         -------

@@ -6,6 +6,10 @@ NONE = "1"
 """The unit of a pure number, in a result."""
 
 
+HALF_95 = 1.96
+"""Half of an interval of 95 %, in standard deviations."""
+
+
 def is_count(unit: str) -> bool:
     """Whether readings are whole codes of a converter; every other unit is a physical one."""
     return unit == "count"

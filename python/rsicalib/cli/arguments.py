@@ -29,7 +29,7 @@ def _pairs(text: str) -> dict[str, str]:
     pairs = [item.split("=", 1) for item in _names(text)]
     wrong = next((pair[0] for pair in pairs if len(pair) < 2 or not all(pair)), None)
     if wrong is not None:
-        raise argparse.ArgumentTypeError(f"found {wrong!r}, expected name=name,…")
+        raise argparse.ArgumentTypeError(f"found {wrong!r}, expected name=value,…")
     found = {a.strip(): b.strip() for a, b in pairs}
     if len(found) < len(pairs):
         raise argparse.ArgumentTypeError(f"found a name twice in {text!r}, expected each once")
@@ -51,12 +51,10 @@ def _numbers(text: str) -> list[int]:
 
 def _noise(text: str) -> float | dict[str, float]:
     one: Callable[[str], float] = parsed("noise")
+    pairs = _pairs(text) if "=" in text else None
     try:
-        if "=" not in text:
-            return one(text)
-        pairs = (item.split("=", 1) for item in _names(text))
-        return {name.strip(): one(value.strip()) for name, value in pairs}
-    except (ValueError, argparse.ArgumentTypeError):
+        return one(text) if pairs is None else {name: one(value) for name, value in pairs.items()}
+    except argparse.ArgumentTypeError:
         expected = f"{NUMBERS['noise'].expected}, or a11=1.2,a12=1.1,…"
         raise argparse.ArgumentTypeError(f"found {quoted(text)}, expected {expected}") from None
 
@@ -64,6 +62,12 @@ def _noise(text: str) -> float | dict[str, float]:
 def _folder(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("found no name, expected a path")
+    return Path(text)
+
+
+def _file(text: str) -> Path:
+    if not _folder(text).name:
+        raise argparse.ArgumentTypeError(f"found {quoted(text)}, expected the name of a file")
     return Path(text)
 
 
@@ -112,7 +116,9 @@ class Verb:
         """
         name, _, value = told.partition(" ")
         if value:
-            read = read or (_folder if name in ("out", "--out") else READ.get(value))
+            if name in ("out", "--out"):
+                read = _file if value == "FILE" else _folder
+            read = read or READ.get(value)
             more |= {"metavar": value, "type": read}
         elif name.startswith("--") and "choices" not in more:
             more.setdefault("action", "store_true")
@@ -141,21 +147,27 @@ def _demo(sub: Verb) -> None:
     sub.shares("out force")
 
 
-def _fitted(sub: Verb, *, is_trace: bool) -> None:
-    words = "CSV, Parquet, or a log that `import` knows; several are sessions"
-    sub.takes("readings READINGS", words, nargs="+")
-    sub.shares("mechanism rest check check-point align")
+def _checked(sub: Verb) -> None:
+    """Known poses, and what is told of them."""
+    sub.shares("check check-point align")
     words = "standard deviation of a coordinate of known places; exact where not given"
     sub.takes("--check-noise LENGTH", words, parsed("check_noise"))
     words = "standard deviation of known angles; exact where not given"
     sub.takes("--check-noise-angle RAD", words, parsed("check_noise_angle"))
+
+
+def _fitted(sub: Verb, *, is_trace: bool) -> None:
+    words = "CSV, Parquet, or a log that `import` knows; several are sessions"
+    sub.takes("readings READINGS", words, nargs="+")
+    sub.shares("mechanism rest")
+    _checked(sub)
     sub.takes("--calibration FILE", "start from an earlier result")
     words = "population.json of `fleet --population`: a prior of the parameters"
     sub.takes("--population FILE", words)
     sub.takes("--terms TERM,…", "terms to identify: offset, curvature@a22")
     if is_trace:
         sub.takes("--without TERM,…", "terms that are no candidates")
-        words = "apply effects, too, that do not help where nothing was recorded"
+        words = "apply all effects that are found, also those that would only be named"
         sub.takes("--apply-all", words)
     sub.shares("noise")
     if not is_trace:
@@ -164,7 +176,9 @@ def _fitted(sub: Verb, *, is_trace: bool) -> None:
     sub.shares("closures")
     sub.takes("--fit-groups NAME,…", "only these groups")
     sub.takes("--hold-out-groups NAME,…", "not these groups")
-    sub.takes("--seed SEED", "of every random draw", parsed("seed"))
+    sub.takes(
+        "--seed SEED", "nothing is drawn at random: taken for scripts that give one", parsed("seed")
+    )
     words = "standard deviation that is aimed at: the report shows where it is reached"
     sub.takes("--target LENGTH", words, parsed("target"))
     sub.shares("skip-bad-rows device note date out force")
@@ -183,7 +197,9 @@ def _trace(sub: Verb) -> None:
 @_of(verbs.fixture)
 def _fixture(sub: Verb) -> None:
     sub.takes("readings READINGS", "with the columns x y z rx ry rz")
-    sub.shares("mechanism check check-point align skip-bad-rows device note date out force")
+    sub.shares("mechanism")
+    _checked(sub)
+    sub.shares("skip-bad-rows device note date out force")
 
 
 @_of(verbs.forward)
@@ -199,8 +215,8 @@ def _simulate(sub: Verb) -> None:
     sub.takes("out OUT", "folder for the files")
     sub.shares("mechanism")
     sub.takes("--poses POSES", "held poses (48)", parsed("poses"))
-    sub.takes("--samples SAMPLES", "of each pose (8)", parsed("samples"))
-    noise = "of one sample, in readings (as declared; 1 of counts)"
+    sub.takes("--samples SAMPLES", "samples of each pose (8)", parsed("samples"))
+    noise = "standard deviation of one sample, in readings (as declared; 1 of counts)"
     sub.takes("--noise NOISE", noise, parsed("simulate.noise"))
     sub.takes("--check-poses CHECK_POSES", "other poses, known (20)", parsed("check"), dest="check")
     sub.takes("--seed SEED", "same seed, same files (0)", parsed("seed"))
@@ -217,11 +233,11 @@ def _plan(sub: Verb) -> None:
     sub.takes("--result FILE", "what the poses complement: result.json of a trace")
     words = "poses that are visited already; with --result its readings"
     sub.takes("--beside READINGS", words, nargs="+")
-    sub.takes("--noise NOISE", "of one reading, for the bound (1)", parsed("noise"))
+    sub.takes("--noise NOISE", "noise of one reading, for the bound (1)", parsed("noise"))
     words = "what is made small; decide where the result leaves something open, else platform"
     sub.takes("--criterion", words, choices=_core.CRITERIA)
-    sub.takes("--off READINGS", "readings of poses that are struck off: rows of a plan will do")
-    sub.takes("--calibration FILE", "whose offsets and gains hold")
+    sub.takes("--off READINGS", "readings of poses to leave out: rows of a plan will do")
+    sub.takes("--calibration FILE", "an earlier result, whose offsets and gains hold")
     sub.takes("--seed SEED", "same seed, same plan (0)", parsed("seed"))
     sub.takes("--out FILE", "write the poses as CSV, and a page beside it")
     sub.shares("force")
@@ -230,12 +246,12 @@ def _plan(sub: Verb) -> None:
 @_of(verbs.fleet)
 def _fleet(sub: Verb) -> None:
     sub.takes("dataset DATASET", "Parquet or CSV, a file or a folder")
-    sub.takes("--by COLUMN", "names the device (device)")
+    sub.takes("--by COLUMN", "column that names the device (device)")
     words = "groups that each of these is in, such as batch,tool: columns, or those of levels.csv"
     sub.takes("--levels COLUMN,…", words)
     sub.shares("mechanism")
     sub.takes("--terms TERM,…", "terms to identify")
-    sub.takes("--noise COUNTS|a11=1.2,…", "of one sample")
+    sub.takes("--noise COUNTS|a11=1.2,…", "standard deviation of one sample")
     sub.shares("closures")
     words = "do not trace the residual where it is significant"
     sub.takes("--no-trace", words, dest="trace", action="store_false")
@@ -243,7 +259,7 @@ def _fleet(sub: Verb) -> None:
     sub.takes("--workers WORKERS", "threads; all cores where not given", parsed("workers"))
     sub.takes("--dask ADDRESS", "the workers of this scheduler compute")
     sub.takes("--resume", "keep the rows of devices whose readings are the same")
-    words = "for one device, whose row says so where that was too short; no limit where not given"
+    words = "longest time for one device, whose row says if it was too short; none where not given"
     sub.takes("--time-limit SECONDS", words, parsed("time_limit"))
     words = "what the devices share: errors of the drawing, a prior for the next device"
     sub.takes("--population", words)
@@ -266,13 +282,13 @@ def _guide(sub: Verb) -> None:
     words = "columns with one text in every sample, where the source has none: at=cone"
     sub.takes("--labels COLUMN=TEXT,…", words)
     sub.takes("--resume", "go on with the session in --out")
-    sub.takes("--port PORT", "of the page; a free one where not given", parsed("port"))
+    sub.takes("--port PORT", "port of the page; a free one where not given", parsed("port"))
     words = "address of the page; others than this machine need the token in it (127.0.0.1)"
     sub.takes("--host HOST", words)
     sub.takes("--no-browser", "do not open the page", dest="browser", action="store_false")
-    sub.takes("--samples SAMPLES", "of each pose (8)", parsed("guide.samples"))
-    sub.takes("--seconds SECONDS", "for which a pose is held (0.6)", parsed("seconds"))
-    sub.takes("--seed SEED", "of the candidates (0)", parsed("seed"))
+    sub.takes("--samples SAMPLES", "samples of each pose (8)", parsed("guide.samples"))
+    sub.takes("--seconds SECONDS", "time for which a pose is held (0.6)", parsed("seconds"))
+    sub.takes("--seed SEED", "seed of the candidates (0)", parsed("seed"))
 
 
 @_of(verbs.watch)
@@ -292,7 +308,7 @@ def _watch(sub: Verb) -> None:
 def _history(sub: Verb) -> None:
     sub.takes("folder DIR", "folder of results, with their dates")
     sub.shares("mechanism")
-    sub.takes("--device NAME", "whose results; else of the most frequent")
+    sub.takes("--device NAME", "device whose results are taken; else the most frequent one")
     words = "error of the platform's position that is too much, in units of length"
     sub.takes("--target LENGTH", words, parsed("target"))
     sub.takes("--out DIR", "write history.json, history.txt and history.html there")
@@ -303,7 +319,7 @@ def _history(sub: Verb) -> None:
 def _certify(sub: Verb) -> None:
     sub.takes("result RESULT", "a trace: result.json, or what `trace --json` wrote")
     sub.shares("mechanism")
-    words = "of the largest error: a length in the mechanism's unit, '0.5 mm', '2 mrad'"
+    words = "limit of the largest error: a length in the mechanism's unit, '0.5 mm', '2 mrad'"
     sub.takes("--limit LENGTH|ANGLE", words, required=True)
     words = "probability that the error is not beyond U (0.95)"
     sub.takes("--confidence CONFIDENCE", words, parsed("confidence"))
@@ -320,7 +336,7 @@ def _suppose(sub: Verb) -> None:
     words = "what is supposed: curvature@a22.c2=0.02; again for more of them at once"
     sub.takes("--term SPEC=VALUE", words, action="append", required=True)
     sub.shares("mechanism rest")
-    sub.takes("--calibration FILE", "whose offsets and gains hold")
+    sub.takes("--calibration FILE", "an earlier result, whose offsets and gains hold")
     sub.takes("--terms TERM,…", "terms that are fitted beside")
     sub.shares("noise closures skip-bad-rows")
     sub.takes("--out FILE", "write the residual picture as HTML")
@@ -329,7 +345,7 @@ def _suppose(sub: Verb) -> None:
 
 @_of(verbs.paper)
 def _paper(sub: Verb) -> None:
-    sub.takes("--trials TRIALS", "of every simulated cell (1000)", parsed("trials"))
+    sub.takes("--trials TRIALS", "trials of every simulated cell (1000)", parsed("trials"))
     sub.takes("--seed SEED", "same seed, same figures (1995)", parsed("seed"))
     sub.takes("--workers WORKERS", "threads; all cores where not given", parsed("workers"))
     sub.takes("--out DIR", "write paper.json, paper.txt and paper.html")
@@ -366,18 +382,18 @@ def _import(sub: Verb) -> None:
     words = "readings.csv, and mechanism.toml where the log has one, are written there"
     sub.takes("--out FOLDER", words, required=True)
     sub.takes("--format", "told from SOURCE where not given", choices=sorted(KINDS))
-    words = "whose channels are taken; where its chains are URDF, by the names of their joints"
+    words = "gives the channels; where its chains are URDF, by the names of their joints"
     sub.takes("--mechanism NAME|FILE", words)
     words = "name in the log of each channel, of a table of other columns, too: q1=panda_joint1,…"
     sub.takes("--channels CHANNEL=NAME,…", words)
-    sub.takes("--topic TOPIC", "of ROS: where the joint states are")
-    sub.takes("--when CONDITION", "of ROS: only rows under a condition, '/wrench.force.z>2'")
-    words = f"for how long a held pose is still ({HOLD:g}); 0: a recording as it is"
+    sub.takes("--topic TOPIC", "topic of ROS with the joint states")
+    sub.takes("--when CONDITION", "rows of ROS under this condition alone: '/wrench.force.z>2'")
+    words = f"time for which a held pose is still ({HOLD:g}); 0: a recording as it is"
     sub.takes("--hold SECONDS", words, parsed("hold"))
-    words = "of a log without times, or in place of its times"
+    words = "samples per second, of a log without times or in place of its times"
     sub.takes("--rate HZ", words, parsed("rate"))
-    sub.takes("--episodes N,…", "of a data set: only these, 0,3,…; all where not given")
-    words = "of LeRobot: calibration of the leader and of the follower, or of the follower"
+    sub.takes("--episodes N,…", "episodes of a data set that are taken: 0,3,…; all where not given")
+    words = "LeRobot's calibration of the leader and of the follower, or of the follower"
     sub.takes("--ranges FILE,…", words)
     sub.takes("--labels COLUMN=TEXT,…", "columns with one text in every row: surface=table")
     sub.takes("--skip-bad-rows", "leave out rows with some channels and not others")
@@ -386,4 +402,4 @@ def _import(sub: Verb) -> None:
 
 @_of(verbs.completion)
 def _completion(sub: Verb) -> None:
-    sub.takes("shell", "for whom the script is", choices=SHELLS)
+    sub.takes("shell", "shell that runs the script", choices=SHELLS)

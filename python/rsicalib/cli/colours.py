@@ -34,8 +34,10 @@ def painted(summary: str, good: bool) -> str:
     str
         The same text with codes for a terminal.
     """
+    from rsicalib.report.terminal import LABELS
+
     colour = BOLD + (GREEN if good else RED)
     summary = re.sub(r"\A[^:\n]+", lambda m: f"{colour}{m[0]}{PLAIN}", summary)
     summary = re.sub(r"(?m)^→", f"{BLUE}→{PLAIN}", summary)
-    labels = "readings|noise|warning|found|left out|noisier|left over|may hide|not tried"
+    labels = "|".join(LABELS)
     return re.sub(rf"(?m)^  ({labels})(?= )", lambda m: f"  {FAINT}{m[1]}{PLAIN}", summary)

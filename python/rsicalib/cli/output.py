@@ -7,6 +7,7 @@ import contextlib
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rsicalib.cli.colours import painted, wants_colour
@@ -19,6 +20,7 @@ from rsicalib.io.folders import MARK, OF_LOG, refuse_foreign, write_folder
 from rsicalib.plain_text import printable
 
 if TYPE_CHECKING:
+    from rsicalib.report.words import Kept
     from rsicalib.results.result import Calibration, Result, Trace
 
 
@@ -34,8 +36,7 @@ def show(args: argparse.Namespace, result: Calibration | Trace) -> int:
     elif not args.quiet:
         columns = columns_of(sys.stdout)
         # Whoever reads a pipe or a file has no report beside it: nothing is left out there.
-        summary = result.summary(width=columns, whole=columns is None)
-        summary = printable(summary)
+        summary = printable(summary_of(result, args.out, columns, whole=columns is None))
         if wants_colour(sys.stdout):
             summary = painted(summary, result.exit_code == 0)
         print(summary)
@@ -44,26 +45,52 @@ def show(args: argparse.Namespace, result: Calibration | Trace) -> int:
     return result.exit_code
 
 
+def summary_of(
+    result: Result, folder: Path | None, width: int | None = None, *, whole: bool = False
+) -> str:
+    """The summary, with how the result is used by the file that it is written to."""
+    from rsicalib.report.terminal import summary
+
+    return summary(result, width=width, whole=whole, kept=_kept(folder))
+
+
+def _kept(folder: Path | None) -> Kept:
+    """Where a result stands; without a folder it is lost with the command."""
+    from rsicalib.report.words import Kept
+
+    if folder is None:
+        return Kept(f"DIR/{RESULT}", "add --out DIR, then ")
+    return Kept(str(folder / RESULT))
+
+
 RESULT = "result.json"
 FILES = (RESULT, "report.txt", "report.html", "calibrated.toml")
 """What stands in the folder of every result."""
 
 
-def prepare(args: argparse.Namespace) -> None:
+def prepare(args: argparse.Namespace, names: Sequence[str] = FILES) -> None:
     """Refuse a folder whose files are not ours, before anything is computed."""
     if args.out is not None:
-        refuse_foreign(args.out, FILES, force=args.force)
+        refuse_foreign(args.out, names, force=args.force)
+
+
+def prepare_file(args: argparse.Namespace, *beside: str) -> None:
+    """Refuse a file that is not ours, and the names `beside` it, before anything is computed."""
+    if args.out is not None:
+        refuse_foreign(args.out.parent, [args.out.name, *beside], force=args.force)
 
 
 def _files(args: argparse.Namespace, result: Result) -> dict[str, str]:
     """What a folder of a result holds, by name."""
+    from rsicalib.report.page import html
     from rsicalib.verbs.export import calibrated_files
 
     target = getattr(args, "target", None)
+    page = html(result, result.evidence, target, _kept(args.out))
     files = {
         RESULT: result.to_json(),
-        "report.txt": f"{result.summary(whole=True)}\n\n{MARK} {result.version}\n",
-        "report.html": f"{result.report(target=target)}<!-- {MARK} {result.version} -->\n",
+        "report.txt": f"{summary_of(result, args.out, whole=True)}\n\n{MARK} {result.version}\n",
+        "report.html": f"{page}<!-- {MARK} {result.version} -->\n",
         **calibrated_files(getattr(args, "mechanism", "rsi"), result),
     }
     brought = getattr(args, "brought", None)

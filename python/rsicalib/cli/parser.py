@@ -8,6 +8,7 @@ from typing import Any, NoReturn
 
 from rsicalib import _core
 from rsicalib.cli.arguments import ARGUMENTS, Verb
+from rsicalib.cli.exits import EXITS
 from rsicalib.errors import InputError
 from rsicalib.plain_text import meant, quoted
 
@@ -34,7 +35,7 @@ class _Parser(argparse.ArgumentParser):
             options = (word.split("=", 1)[0] for word in words[1:] if word.startswith("--"))
             known = self._options(verb)
             for word in options if known else ():
-                if not any(option.startswith(word) for option in known):
+                if word not in known:
                     self._refuse(verb, word)
             raise
         if rest:
@@ -52,7 +53,11 @@ class _Parser(argparse.ArgumentParser):
 
     def _refuse(self, verb: str, word: str) -> NoReturn:
         """Refuse a word that is no option of a verb, with the one that may be meant."""
-        hint = meant(word, self._options(verb))
+        known = self._options(verb)
+        if word in known:  # of this parser it is none
+            found = f"found {quoted(word)} before {verb}, expected it behind"
+            raise InputError(f"{found}: {self.prog} {verb} … {word}")
+        hint = meant(word, known)
         message = f"found {quoted(word)}{hint}, expected an option of {verb}"
         raise InputError(f"{message}. See `{self.prog} {verb} --help`.")
 
@@ -65,17 +70,17 @@ def make_parser() -> argparse.ArgumentParser:
     """Make the parser; a parsed verb stands in `run`."""
     parser = _Parser(
         prog="rsicalib",
+        allow_abbrev=False,  # an abbreviation would break with the next option
         description="Calibration of closed kinematic chains from their own joint readings. "
         "Begin with: rsicalib demo",
-        epilog="exit codes: 0 usable, 1 a defect of ours, 2 unusable input or options, "
-        "3 not determined by the data, 4 the residual is significant or an alarm, 130 interrupted",
+        epilog=f"exit codes: {'. '.join(f'{code} {words}' for code, words in EXITS.items())}",
     )
     parser.add_argument("--version", action="version", version=f"rsicalib {_core.__version__}")
     subparsers = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     for run, add in ARGUMENTS.items():
         words = (run.__doc__ or "").strip().splitlines()[0]
         name = run.__name__.rstrip("_")  # `import` is a word of Python
-        sub = subparsers.add_parser(name, help=words, description=words)
+        sub = subparsers.add_parser(name, help=words, description=words, allow_abbrev=False)
         sub.set_defaults(run=run)
         verb = Verb(sub)
         verb.takes("--json", "the result on standard output, and nothing else there")

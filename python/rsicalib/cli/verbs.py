@@ -18,7 +18,7 @@ from typing import Any, TypeAlias, TypeVar
 from rsicalib import _core
 from rsicalib.cli.completion import script
 from rsicalib.cli.interruption import interruptible
-from rsicalib.cli.output import prepare, show, warn
+from rsicalib.cli.output import prepare, prepare_file, show, summary_of, warn
 from rsicalib.cli.progress import progress_of
 from rsicalib.cli.streams import columns_of, emit, folded, say
 from rsicalib.errors import InputError, UndeterminedError
@@ -164,14 +164,20 @@ def plan(args: Args) -> int:
     from rsicalib.planning.plan import plan as plan_poses
     from rsicalib.report.poses import poses_html
 
+    sheet = None if args.out is None else args.out.with_suffix(".html")
+    if sheet is not None and sheet == args.out:
+        expected = "the name of a CSV file: the page is written beside it"
+        raise InputError(f"--out: found '{args.out}', expected {expected}")
+    if sheet is not None:
+        prepare_file(args, sheet.name)
     args.mechanism = api.load_mechanism(args.mechanism)
     warn(args, args.mechanism.doubts)
     found = _heard(args, lambda _: plan_poses(**_given(args, plan_poses)), "choose poses")
-    if args.out is not None:
+    if sheet is not None:
         brings = [("", list(found.advice)), *found.brings()]
         shown = found.mechanism, found.length_unit, found.csv(), brings, found.poses
         page = f"{poses_html(*shown)}<!-- {MARK} -->\n"
-        files = {args.out.name: found.csv(), args.out.with_suffix(".html").name: page}
+        files = {args.out.name: found.csv(), sheet.name: page}
         write_folder(args.out.parent, files, force=args.force)
     return _told(args, _document("rsicalib.plan/1", found), found.text())
 
@@ -191,7 +197,7 @@ def guide(args: Args) -> int:
     found = take_session(**_given(args, take_session), told=told)
     if found is None:
         raise UndeterminedError("the poses so far do not determine the calibration")
-    summary = found.summary(width=columns_of(sys.stdout))
+    summary = summary_of(found, args.out, columns_of(sys.stdout))
     return _told(args, found.to_json(), summary, found.exit_code)
 
 
@@ -208,6 +214,7 @@ def suppose(args: Args) -> int:
     """What an effect would do in these poses, and whether they would show it."""
     from rsicalib.planning.supposing import suppose as suppose_effect
 
+    prepare_file(args)
     given = {**_given(args, suppose_effect), "terms": args.term, "model": args.terms}
     found = _heard(args, lambda _: suppose_effect(**given))
     if args.out is not None:
@@ -220,6 +227,7 @@ def certify(args: Args) -> int:
     """Whether the largest error is within a limit: decision, budget, what would decide it."""
     from rsicalib.verbs.certifying import certify as certify_result
 
+    prepare(args, _sheet_names("certificate"))
     given, what = _given(args, certify_result), "draw the largest error"
     found = _heard(args, lambda _: certify_result(**given), what)
     document = _document("rsicalib.certificate/1", found)
@@ -232,6 +240,7 @@ def paper(args: Args) -> int:
     from rsicalib.reproduction.page import html
     from rsicalib.reproduction.paper import paper as compute_paper
 
+    prepare(args, _sheet_names("paper"))
     given = _given(args, compute_paper)
     found = _counted(args, lambda told: compute_paper(**given, progress=told))
     document = to_json(found.to_dict())
@@ -243,6 +252,7 @@ def history(args: Args) -> int:
     """Parameters of one device against date."""
     from rsicalib.verbs.lifetime import history as history_of
 
+    prepare(args, _sheet_names("history"))
     found = _heard(args, lambda _: history_of(**_given(args, history_of)), "read the results")
     _sheets(args, "history", found.to_json(), found.text(), found.page)
     where = "" if args.out is None else f"\n\n{args.out / 'history.html'}"
@@ -321,7 +331,7 @@ def terms(args: Args) -> int:
 
 
 def completion(args: Args) -> int:
-    """Completion of verbs and options in your shell: source <(rsicalib completion bash)."""
+    """A script for your shell that completes verbs and options."""
     emit(script(args.parser, args.shell))
     return 0
 
@@ -401,11 +411,16 @@ def _document(form: str, found: Record) -> str:
     return to_json({**head, **found.to_dict()})
 
 
+def _sheet_names(stem: str) -> list[str]:
+    """The files of `_sheets`: document, text and page."""
+    return [f"{stem}.{kind}" for kind in ("json", "txt", "html")]
+
+
 def _sheets(args: Args, stem: str, document: str, text: str, page: Callable[[], str]) -> None:
     """Write the document, its text and its page, where a folder is asked for."""
     if args.out is not None:
-        files = {f"{stem}.json": document, f"{stem}.txt": f"{text}\n{MARK} {_core.__version__}\n"}
-        files[f"{stem}.html"] = f"{page()}<!-- {MARK} -->\n"
+        sheets = document, f"{text}\n{MARK} {_core.__version__}\n", f"{page()}<!-- {MARK} -->\n"
+        files = dict(zip(_sheet_names(stem), sheets, strict=True))
         write_folder(args.out, files, force=args.force)
 
 

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from rsicalib import _core
+from rsicalib.plain_text import p_equals
 from rsicalib.plots import curve as draw_curve
 from rsicalib.plots import on_axes
-from rsicalib.units import axis_words, in_thousandths, with_unit
+from rsicalib.units import HALF_95, axis_words, in_thousandths, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 def estimate_words(value: float | None, sd: float | None, unit: str) -> str:
     """`0.0529 ± 0.011 rad`, with the half width of 95 %; a dash where it is not known."""
     known = "–" if value is None else f"{value:.6g}"
-    half = "" if sd is None else f" ± {1.96 * sd:.2g}"
+    half = "" if sd is None else f" ± {HALF_95 * sd:.2g}"
     return with_unit(f"{known}{half}", unit)
 
 
@@ -67,7 +68,7 @@ class Estimate:
         if self.profile is not None:
             low, high = self.profile
             return (-math.inf if low is None else low), (math.inf if high is None else high)
-        return self.value - 1.96 * self.sd, self.value + 1.96 * self.sd
+        return self.value - HALF_95 * self.sd, self.value + HALF_95 * self.sd
 
     @property
     def at(self) -> tuple[str, str, str | None]:
@@ -164,7 +165,7 @@ class Effect:
         )
 
     def __repr__(self) -> str:
-        chance = "" if self.p_value is None else f", p = {self.p_value:.2g}"
+        chance = "" if self.p_value is None else f", {p_equals(self.p_value)}"
         sizes = [f"{p.name} = {estimate_words(p.value, p.sd, p.unit)}" for p in self.parameters]
         shown = ", ".join(sizes[:3]) + (f" and {len(sizes) - 3} more" if len(sizes) > 3 else "")
         return f"<{self.spec}: {shown}{chance}>"

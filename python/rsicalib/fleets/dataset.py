@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rsicalib.errors import InputError
-from rsicalib.fleets.frames import Runs, joined, listed, runs_of, select
+from rsicalib.fleets.frames import Runs, device_in, devices_in, joined, runs_of, select
 from rsicalib.io.extras import parquet_modules
 from rsicalib.io.frames import Columns, columns_of
 from rsicalib.io.tables import PARQUET, Table, chunks, read_table, text
@@ -48,7 +48,7 @@ class Partition:
     @property
     def labels(self) -> list[Any]:
         """The devices, in order."""
-        found = [*runs_of(self.frame[self.by]), *self.refused]
+        found = [*_by_device(self.frame, self.by), *self.refused]
         return sorted(found, key=list(self.files).index) if self.files else found
 
     def read(self) -> Iterator[Partition]:
@@ -177,7 +177,7 @@ class Dataset:
         self.levels = folder / LEVELS if (folder / LEVELS).is_file() else None
         beside = [folder / f"rest{suffix}" for suffix in (".csv", ".parquet")]
         found_rest = [p for p in beside if p.is_file() and p != path and not self.folders]
-        self.rest = _columns(read_table(found_rest[0]), by) if found_rest else None
+        self.rest = _of_devices(read_table(found_rest[0]), by) if found_rest else None
 
     def partitions(self, size: int) -> Iterator[Partition]:
         """Partitions of about `size` devices, in the order of the files."""
@@ -301,7 +301,7 @@ class Dataset:
         count = 0
         for path in self.csv:
             for table in chunks(path):
-                last |= dict.fromkeys(_labels(_columns(table, self.by), self.by), count)
+                last |= dict.fromkeys(_labels(_of_devices(table, self.by), self.by), count)
                 count += 1
         names: list[str] | None = None
         for path in self.csv:
@@ -392,7 +392,7 @@ def _bounds(files: Sequence[Path], by: str) -> list[_Group] | None:
                 # Labels that are missing are in no statistics.
                 if told is None or not told.has_min_max or told.null_count:
                     return None
-                if not isinstance(told.min, str | int):
+                if not isinstance(told.min, str | int) or device_in(told.min) is None:
                     return None
                 groups.append(
                     _Group((os.path.abspath(file), number), group.num_rows, told.min, told.max)
@@ -428,7 +428,7 @@ def _ends(
         with _opened(file, by) as opened:
             for group in range(opened.num_row_groups):
                 column = opened.read_row_group(group, columns=[by]).column(0)
-                here = dict.fromkeys(column.unique().to_pylist(), len(places))
+                here = dict.fromkeys(devices_in(column.unique().to_pylist()), len(places))
                 last |= here
                 for label in here:
                     first.setdefault(label, len(places))
@@ -456,6 +456,15 @@ def _columns(table: Table, by: str) -> Columns:
     return columns
 
 
+def _of_devices(table: Table, by: str) -> Columns:
+    """Columns of a file with rows of several devices: one of them says which."""
+    columns = _columns(table, by)
+    if by not in columns:
+        found, expected = f"no column {by!r}", "one that names the device of each row"
+        raise InputError.at(table.source, found, expected)
+    return columns
+
+
 def _texts(cells: Sequence[Any]) -> list[Any]:
     return [text(cell) if isinstance(cell, str) else cell for cell in cells]
 
@@ -466,8 +475,8 @@ def _labelled(table: Table, by: str, label: str) -> Columns:
 
 def _labels(frame: Columns, by: str) -> list[Any]:
     if by not in frame:
-        raise InputError(f"found no column {by!r} in every file, expected one")
-    return listed(frame[by])
+        raise InputError(f"found no column {by!r}, expected one that names the device")
+    return devices_in(frame[by])
 
 
 def _by_device(frame: Columns, by: str) -> dict[Any, Runs]:

@@ -15,11 +15,12 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import plain
-from rsicalib.fleets.frames import TEXT, Frame, frame_like, listed, runs_of, select
+from rsicalib.fleets.frames import TEXT, Frame, devices_in, frame_like, runs_of, select
 from rsicalib.io.cells import Fault, MechanismLike, needed_columns, read_cells, read_header
 from rsicalib.io.frames import Columns, columns_of
 from rsicalib.io.tables import USED, Table, text
 from rsicalib.options import number
+from rsicalib.plain_text import counted
 from rsicalib.work.arguments import Bare, MechanismArg, names_in, noise_of_channels, open_mechanism
 
 NUMBERS = ("poses", "samples", "chi2", "dof", "p_value", "rms_misclosure")
@@ -167,7 +168,7 @@ def digests(frame: Columns, rest: Columns | None, mechanism: Mechanism, by: str)
 
 def without(frame: Columns, by: str, labels: set[Any]) -> Columns:
     """A table without the rows of some devices."""
-    devices = runs_of(listed(frame[by])).items()
+    devices = runs_of(devices_in(frame[by])).items()
     return select(frame, (run for label, runs in devices if label not in labels for run in runs))
 
 
@@ -177,7 +178,7 @@ def one_device(
     """The readings of one device, and those of its rest pose, as tables of their own."""
 
     def own(rows: Columns | None) -> Columns | None:
-        runs = runs_of(listed(rows[by])) if rows is not None and by in rows else {}
+        runs = runs_of(devices_in(rows[by])) if rows is not None and by in rows else {}
         if rows is None or label not in runs:
             return None
         return {n: cells for n, cells in select(rows, runs[label]).items() if n != by}
@@ -254,7 +255,7 @@ class _Read:
 
     @classmethod
     def of(cls, frame: Columns, mechanism: MechanismLike, by: str) -> _Read:
-        labels = listed(frame[by])
+        labels = devices_in(frame[by])
         lines = np.arange(1, len(labels) + 1, dtype=np.int64)
         columns = {name: cells for name, cells in frame.items() if name != by}
         table = Table(list(columns), list(columns.values()), lines, "row", "devices", "")
@@ -291,6 +292,8 @@ class _Read:
         used = None if USED in needed_columns(self.mechanism) else self._optional(USED, rows)
         own = slice(None) if used is None else np.flatnonzero(used)
         refused, runs = self.fault(rows), len(values[own])
+        if label is None:
+            refused = f"found {counted(len(values), 'row')} without a device, expected none"
         if refused is None and pose is not None:
             pose = pose.astype(np.int64)
             starts = np.flatnonzero(pose[1:] != pose[:-1])

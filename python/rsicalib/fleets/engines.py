@@ -16,9 +16,10 @@ from rsicalib._core import Mechanism
 from rsicalib.errors import InputError
 from rsicalib.fleets.dataset import Partition, Piece
 from rsicalib.fleets.devices import calibrate_devices, without
-from rsicalib.fleets.frames import Rows, joined_rows
+from rsicalib.fleets.frames import Rows, devices_in, joined_rows
 from rsicalib.fleets.levels import groups_of
 from rsicalib.fleets.store import Parts
+from rsicalib.plain_text import installed_by
 
 Part: TypeAlias = Partition | Piece
 """What is handed out: rows, or where they are."""
@@ -83,7 +84,7 @@ class Job:
             except InputError as error:
                 if not partition.apart:
                     raise
-                refused |= dict.fromkeys(frame[self.by], error.message)
+                refused |= dict.fromkeys(devices_in(frame[self.by]), error.message)
         made = joined_rows(rows, self.refuse(refused))
         place = {label: k for k, label in enumerate(partition.labels)}
         order = sorted(range(len(place)), key=lambda k: place[made[self.by][k]])
@@ -134,7 +135,7 @@ def over_dask(job: Task, partitions: Iterable[Part], address: str) -> Iterator[t
     try:
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
-        hint = "Install it with: pip install rsicalib[dask]"
+        hint = f"Install it with: {installed_by('dask')}"
         raise InputError(f"--dask: found no package 'distributed', expected it. {hint}") from None
     try:
         client = distributed.Client(address, timeout="10s")

@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from rsicalib.arrays import FloatArray
 from rsicalib.io.frames import Cells, Columns, frame_of
+from rsicalib.io.tables import is_blank
+from rsicalib.io.times import is_none
 
 Frame: TypeAlias = Any
 """A pandas or Polars DataFrame, a pyarrow Table or RecordBatch, or a mapping of names to arrays."""
@@ -22,9 +24,16 @@ TEXT = ("verdict", "message", "steps", "sha256", "file")
 """Columns of results that hold text; the other columns hold numbers, NaN where unknown."""
 
 
-def listed(cells: Cells) -> list[Any]:
-    """Cells as values of Python."""
-    return cells.tolist() if isinstance(cells, np.ndarray) else list(cells)
+def devices_in(cells: Cells) -> list[Any]:
+    """Labels of devices as values of Python; None in a row that has none."""
+    labels: list[Any] = cells.tolist() if isinstance(cells, np.ndarray) else list(cells)
+    whole = isinstance(cells, np.ndarray) and cells.dtype.kind in "iu"
+    return labels if whole else [*map(device_in, labels)]
+
+
+def device_in(cell: Any) -> Any:
+    """The label of a device; None where the cell is empty, so that all such rows are alike."""
+    return None if is_none(cell) or is_blank(cell) else cell
 
 
 def frame_like(frame: Frame, rows: Mapping[str, Sequence[Any]], label: str) -> Frame:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rsicalib.errors import InputError
-from rsicalib.fleets.frames import runs_of
+from rsicalib.fleets.frames import devices_in, runs_of
 from rsicalib.io.frames import Columns
 from rsicalib.io.tables import is_blank, quoted, read_table, text
 
@@ -125,7 +125,7 @@ def groups_of(
             raise InputError(f"levels: found {found}, expected one, or levels.csv beside the data")
     out: dict[Any, tuple[str, ...]] = {}
     mixed: dict[Any, str] = {}
-    for label, runs in runs_of(list(frame[by])).items():
+    for label, runs in runs_of(devices_in(frame[by])).items():
         own = []
         for name in names:
             cells = list(dict.fromkeys(text(c) for run in runs for c in list(frame[name][run])))

@@ -110,7 +110,7 @@ def page(
         "<code>fleet.parquet</code>.</p>",
     ]
     name = f"Fleet of {mechanism.name}"
-    return document(f"{name}: {count} devices", parts, name)
+    return document(f"{name}: {counted(count, 'device')}", parts, name)
 
 
 def _verdicts(rows: Mapping[str, Sequence[Any]]) -> str:

@@ -15,9 +15,11 @@ from rsicalib.errors import InputError
 from rsicalib.fleets.dataset import Partition
 from rsicalib.fleets.devices import devices_of
 from rsicalib.fleets.engines import Part
-from rsicalib.fleets.frames import Rows, numbers_of
+from rsicalib.fleets.frames import Rows, devices_in, numbers_of
 from rsicalib.fleets.levels import Levels
 from rsicalib.fleets.store import Parts
+from rsicalib.plain_text import p_equals
+from rsicalib.units import HALF_95
 from rsicalib.work.arguments import names_in, noise_of_channels
 from rsicalib.work.prior import FORMAT
 
@@ -77,7 +79,7 @@ class ShareJob:
         except InputError as error:
             if not partition.apart:
                 raise
-            refused = dict.fromkeys(partition.frame[self.by], error.message)
+            refused = dict.fromkeys(devices_in(partition.frame[self.by]), error.message)
             return self.refuse(refused | dict(partition.refused))
         usable = [one for one in devices if one.refused is None]
         found = _core.shares(
@@ -269,11 +271,11 @@ def sentences(first: Mapping[str, Any], found: Mapping[str, Any] | None) -> list
         what = f"χ² is {ratio:.3f} times its degrees of freedom over {whole['devices']} devices"
         if lacks_together(whole):
             lines.append(
-                f"Together the devices do not fit: {what} (p = {whole['p_value']:.1g}). "
+                f"Together the devices do not fit: {what} ({p_equals(whole['p_value'], '.1g')}). "
                 "They lack the same effect, even if none of them alone shows it."
             )
         else:
-            lines.append(f"Together the devices fit: {what} (p = {whole['p_value']:.2g}).")
+            lines.append(f"Together the devices fit: {what} ({p_equals(whole['p_value'])}).")
     if found is None:
         shifted = sorted((s for s in first["shifts"] if s["common"]), key=lambda s: s["p_value"])
         for s in shifted[:3]:
@@ -281,7 +283,7 @@ def sentences(first: Mapping[str, Any], found: Mapping[str, Any] | None) -> list
             lines.append(f"{s['parameter']} is {value} ± {half} from the drawing in all devices.")
         return lines
     for one in found["design"]:
-        value, half = f"{one['value']:+.4g}", f"{1.96 * one['sd']:.2g}"
+        value, half = f"{one['value']:+.4g}", f"{HALF_95 * one['sd']:.2g}"
         other = f" (or {', '.join(one['also_fits'][:3])})" if one["also_fits"] else ""
         lines.append(
             f"The drawing is wrong: {one['term']} of {one['target']} by {value} ± {half} "

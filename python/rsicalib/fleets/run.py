@@ -24,6 +24,7 @@ from rsicalib.fleets.reports import write_reports
 from rsicalib.fleets.standing_out import remarks, spreads
 from rsicalib.fleets.store import Store
 from rsicalib.options import checked, names
+from rsicalib.plain_text import counted
 from rsicalib.tabular import Tabular
 from rsicalib.work.arguments import MechanismArg, PathLike, names_in, open_mechanism
 
@@ -69,7 +70,7 @@ class Fleet(Tabular):
 
     def __repr__(self) -> str:
         verdicts = ", ".join(f"{count} {words}" for words, count in self.verdicts.items())
-        return f"<Fleet of {len(self)} devices: {verdicts}>"
+        return f"<Fleet of {counted(len(self), 'device')}: {verdicts}>"
 
     @property
     def verdicts(self) -> dict[str, int]:
@@ -98,7 +99,10 @@ class Fleet(Tabular):
     def text(self) -> str:
         """A few lines for the terminal."""
         counts = ", ".join(f"{count} {word}" for word, count in self.verdicts.items())
-        lines = [f"{len(self)} devices: {counts}", *sentences(self.first, self.population)]
+        lines = [
+            f"{counted(len(self), 'device')}: {counts}",
+            *sentences(self.first, self.population),
+        ]
         return "\n".join([*lines, *map(str, self.files)]) + "\n"
 
 

@@ -20,7 +20,7 @@ from rsicalib.guide.source import Lines, open_source
 from rsicalib.guide.terminal import Screen
 from rsicalib.imports.opening import joints_of
 from rsicalib.options import checked
-from rsicalib.plain_text import meant
+from rsicalib.plain_text import counted, meant
 from rsicalib.poses.devices import workspace
 from rsicalib.results.result import Trace
 from rsicalib.work.arguments import Bare, MechanismArg, PathLike, ReadingsArg, load, open_mechanism
@@ -113,7 +113,7 @@ def guide(
             raise InputError(f"guide: found {found}, expected the standard deviation to reach")
         bounds = workspace(opened, None)[:3]
         target = TRAVEL * float((bounds[:, 1] - bounds[:, 0]).max())
-    at_rest = None if rest is None else load(rest, Bare(opened), False)
+    at_rest = None if rest is None else load(rest, Bare(opened), False, "rest")
     names = [c.name for c in opened.channels]
     keys = opened.key_columns
     unknown = [name for name in labels or {} if name not in keys]
@@ -184,6 +184,14 @@ def _measure(session: Session, lines: Lines, columns: Columns, screen: Screen, s
         shown = time.time()
         screen.show(session.state())
         if lines.ended and not session.busy:
+            _refuse_without_samples(session)
             session.ended = "the samples have ended"
             break
     screen.show(session.state())
+
+
+def _refuse_without_samples(session: Session) -> None:
+    """Refuse a source that has ended, and of whose lines none was a sample."""
+    if session.bad_lines and not session.log.samples:
+        found = f"{counted(session.bad_lines, 'line')} and no sample ({session.bad_line})"
+        raise InputError(f"--source: found {found}, expected a header and a sample on each line")

@@ -7,6 +7,7 @@ own: however many pages are open, none holds one that another needs.
 
 from __future__ import annotations
 
+import errno
 import json
 import secrets
 import socket
@@ -118,7 +119,10 @@ class Page:
         except (OSError, OverflowError) as error:
             why = getattr(error, "strerror", None) or "ports are 0 to 65535"
             found = f"{host} port {port}, which cannot be used ({why})"
-            raise InputError(f"--port: found {found}, expected a free port") from None
+            option, expected = "--port", "a free port"
+            if isinstance(error, socket.gaierror) or error.args[:1] == (errno.EADDRNOTAVAIL,):
+                option, expected = "--host", "an address of this machine"
+            raise InputError(f"{option}: found {found}, expected {expected}") from None
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     @property

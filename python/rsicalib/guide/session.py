@@ -24,6 +24,7 @@ from rsicalib.guide.log import Log, Sample
 from rsicalib.guide.trouble import Trouble
 from rsicalib.io.files import write_text
 from rsicalib.io.sources import read_json
+from rsicalib.plain_text import counted
 from rsicalib.report.words import subject
 from rsicalib.results.result import Trace
 
@@ -452,7 +453,7 @@ class Session:
                 moved = [s for s in advice.result.steps if s.term in ("slip", "wander")]
                 out += [Trouble.of_step(s) for s in moved]
         if self.bad_lines:
-            text = f"{self.bad_lines} lines could not be read; the last: {self.bad_line}"
+            text = f"{counted(self.bad_lines, 'line')} could not be read; the last: {self.bad_line}"
             out.append(Trouble("bad_lines", text))
         return out
 
@@ -570,7 +571,7 @@ class Session:
     def _to_do(self, phase: str) -> dict[str, str | None]:
         """The one thing to do where nothing is wrong."""
         if phase == "done":
-            return {"word": "done", "text": f"{len(self.log.poses)} poses"}
+            return {"word": "done", "text": counted(len(self.log.poses), "pose")}
         silent = self._silent_s()
         if phase == "wait" or silent >= SILENT_S:
             text = f"no sample for {int(silent)} s" if silent >= SILENT_S else "for samples"

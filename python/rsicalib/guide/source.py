@@ -21,7 +21,7 @@ from typing import IO
 from rsicalib.errors import InputError
 from rsicalib.io.lines import POLL_S
 from rsicalib.io.messages import as_json
-from rsicalib.io.sources import LONGEST_LINE
+from rsicalib.io.sources import LONGEST_LINE, STANDARD_INPUT, standard_input
 
 ENDS_S = 0.5
 """In which a command ends that is asked to."""
@@ -96,10 +96,11 @@ def open_source(source: str) -> Lines:
     Raises
     ------
     InputError
-        There is no such file, and no such command.
+        There is no such file, and no such command; or standard input is closed.
     """
     stop = threading.Event()
-    if source == "-":
+    if source == STANDARD_INPUT:
+        standard_input("samples, one on each line")
         if isinstance(sys.stdin, io.TextIOWrapper):
             sys.stdin.reconfigure(encoding="utf-8", errors="replace")
         return Lines(as_json(_whole(sys.stdin)), stop)

@@ -6,6 +6,8 @@ import importlib
 import io
 from typing import Any
 
+from rsicalib.plain_text import installed_by
+
 
 def square(text: str) -> str:
     """A QR code in half blocks for a terminal; how to have one, where none can be made."""
@@ -13,7 +15,7 @@ def square(text: str) -> str:
         # By name: an optional dependency.
         qrcode: Any = importlib.import_module("qrcode")
     except ImportError:
-        return "for a square that a phone reads: pip install rsicalib[phone]"
+        return f"for a square that a phone reads: {installed_by('phone')}"
     code = qrcode.QRCode(border=2)
     code.add_data(text)
     out = io.StringIO()

@@ -6,6 +6,8 @@ import math
 import sys
 from typing import Any, TextIO
 
+from rsicalib.plain_text import counted
+
 WIDTH = 40
 
 
@@ -50,7 +52,7 @@ def screen(state: dict[str, Any]) -> list[str]:
         held = round(WIDTH * state["hold"])
         lines += ["", f"{'still':6s} [{'#' * held}{' ' * (WIDTH - held)}]", state["message"], ""]
     lines.append(
-        f"{state['taken']} poses, {state['held_out']} kept out   platform "
+        f"{counted(state['taken'], 'pose')}, {state['held_out']} kept out   platform "
         f"{size(state['sd'], unit)} (target {size(state['target'], unit)})"
     )
     if state["largest"] is not None:
@@ -75,7 +77,7 @@ def ended(state: dict[str, Any]) -> str:
 
 
 def _after(state: dict[str, Any]) -> str:
-    return f" after {state['taken']} poses"
+    return f" after {counted(state['taken'], 'pose')}"
 
 
 def headline(state: dict[str, Any]) -> str:

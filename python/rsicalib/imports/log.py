@@ -19,6 +19,7 @@ from rsicalib.io.csv_text import csv_of
 from rsicalib.io.folders import IMPORT, MARK, OF_LOG, Sealed
 from rsicalib.io.readings import Readings, readings_of_table
 from rsicalib.io.tables import Table
+from rsicalib.plain_text import counted
 from rsicalib.tabular import Told
 
 Column: TypeAlias = npt.NDArray[Any] | Sequence[str]
@@ -164,14 +165,14 @@ class Log(Alike, Told, Sealed):
         lines = [f"{self.source}: {self.format}"]
         for session in self.sessions:
             held = "pose" in session.columns
-            poses = f"{session.n_poses} held poses, " if held else ""
+            poses = f"{counted(session.n_poses, 'held pose')}, " if held else ""
             moving = 0 if session.motion is None else len(session.motion)
-            motion = f", {moving} rows in motion" if moving else ""
+            motion = f", {counted(moving, 'row')} in motion" if moving else ""
             name = f"{session.name}: " if session.name else ""
             kind = "" if held else ", a recording"
-            lines.append(f"  {name}{poses}{len(session)} samples{motion}{kind}")
+            lines.append(f"  {name}{poses}{counted(len(session), 'sample')}{motion}{kind}")
         lines += [f"  columns: {', '.join(self.sessions[0].columns)}"] if self.sessions else []
         return "\n".join([*lines, *(f"  note: {finding}" for finding in self.findings)])
 
     def __repr__(self) -> str:
-        return f"<Log {self.source!r}: {self.format}, {len(self.sessions)} sessions>"
+        return f"<Log {self.source!r}: {self.format}, {counted(len(self.sessions), 'session')}>"

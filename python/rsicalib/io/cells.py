@@ -28,12 +28,13 @@ COLUMNS = {
     "pose": "Label of a held pose, a whole number; its rows are neighbours. Without this column "
     "every row is a pose of its own: a recording, or poses that were read once each.",
     "sample": "Number of the sample within its pose, a whole number; for messages.",
-    TIME: "Time [s]. Without it, drift and slips are no candidates of a trace.",
+    TIME: "Time [s]. Without it, drift and whatever else follows time is no candidate of a trace.",
     "temperature_c": "Temperature [°C]. Without it, effects of temperature are no candidates.",
     USED: "1, or 0 in a row that is not used. Such a row stays part of the session: from where the "
     "next pose was approached, what way was travelled, what time has passed. Without this column "
     "all rows are used. In memory True and False are 1 and 0.",
-    "group": "Text: the placement, or whatever `--fit-groups` chooses from.",
+    "group": "Text: the placement (where what is touched stands while these rows are taken), or "
+    "whatever `--fit-groups` chooses from.",
     "at": "Text: which unknown point is touched.",
     **{name: "Position of the platform where it is known [length unit]." for name in "xyz"},
     **{f"r{a}": "Orientation of the platform where it is known [rad], eq. (1)." for a in "xyz"},
@@ -114,7 +115,7 @@ def read_header(table: Table, mechanism: MechanismLike) -> tuple[dict[str, int],
     for name in needed:
         if name not in index and name not in mechanism.optional_columns:
             expected = f"a column '{name}' ({_role(name, mechanism)})"
-            hint = _header_hint(name, table.names, used, mechanism)
+            hint = _header_hint(name, table.names, used, mechanism, table.in_memory)
             hint += _by_import(name, table, mechanism)
             raise refuse(name, ABSENT, expected, hint)
     poses = [name for name in POSE if name in index and name not in needed]
@@ -176,7 +177,11 @@ def _role(name: str, mechanism: MechanismLike) -> str:
 
 
 def _header_hint(
-    name: str, names: list[str], known: Container[str], mechanism: MechanismLike
+    name: str,
+    names: list[str],
+    known: Container[str],
+    mechanism: MechanismLike,
+    in_memory: bool,
 ) -> str:
     """Advice on what may be wrong with the header."""
     for other in names:
@@ -185,6 +190,8 @@ def _header_hint(
     if len(names) == 1 and name in names[0]:
         return "The header has one column only; separate columns by commas."
     if names and np.isfinite(numbers(names)).all():
+        if in_memory:
+            return "The names of the columns are numbers; name them as the channels."
         return "The first line holds numbers; put a header line above it."
     hint = meant(name, [other for other in names if other not in known])
     columns = f"The columns are: {', '.join(names)[:200]}{hint}."
@@ -314,7 +321,7 @@ def _closed_by_none(
 
 
 def _or_elsewhere(expected: str, name: str, own: list[list[str]]) -> str:
-    """What a column of a row in which nothing closes needs: that, or what closes another loop."""
+    """What is expected in a column where no loop closes: that, or what closes another one."""
     others = list(dict.fromkeys(" ".join(columns) for columns in own if name not in columns))
     return f"{expected}, or what the row touches in {' or '.join(others)}" if others else expected
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from rsicalib.errors import InputError
 from rsicalib.io.sources import largest_file
+from rsicalib.plain_text import installed_by
 
 EXTRAS = {"h5py": "hdf5", "pyarrow": "parquet", "rosbags": "ros", "mcap": "ros"}
 """The extra of the package that brings a library."""
@@ -43,7 +44,7 @@ def wrapped(source: str) -> str:
 
 
 def needed(module: str, source: str, what: str) -> Any:
-    """Import a library that a file needs.
+    """Import a library that a file needs, to be read or written.
 
     Parameters
     ----------
@@ -70,9 +71,9 @@ def needed(module: str, source: str, what: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError:
-        hint = f"Install it with: pip install 'rsicalib[{EXTRAS[name]}]'"
-        found = f"{what}, and no {name} to read it"
-        raise InputError.at(source, found, name, hint=hint) from None
+        hint = f"Install it with: {installed_by(EXTRAS[name])}"
+        found = f"no library {name!r} for {what}"
+        raise InputError.at(source, found, "it", hint=hint) from None
 
 
 def parquet_modules(source: str, what: str = "a Parquet file") -> tuple[Any, Any]:

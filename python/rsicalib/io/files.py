@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import stat
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import TextIO
 
 from rsicalib.errors import InputError
+from rsicalib.plain_text import quoted
 
 try:
     import fcntl
@@ -28,7 +30,8 @@ def whole_file(path: str | os.PathLike[str], shared: bool = False) -> Iterator[T
     """Open a text file that takes its place when everything is written.
 
     The text goes to a file beside `path`, which is then moved to `path`. If the writer fails,
-    what stood at `path` before is still there.
+    what stood at `path` before is still there. A link stays one, to the new file; a device or a
+    pipe is written to, and never replaced.
 
     Parameters
     ----------
@@ -49,6 +52,35 @@ def whole_file(path: str | os.PathLike[str], shared: bool = False) -> Iterator[T
         The file cannot be written there.
     """
     path = Path(path)
+    if not path.name:
+        raise InputError(f"found {quoted(str(path))}, expected the name of a file")
+    with _writing(path):
+        if _is_taken(path):
+            with _opened(path) as file:
+                yield file
+        else:
+            with _replacing(Path(os.path.realpath(path)), shared) as file:
+                yield file
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Refuse a place where one cannot write."""
+    try:
+        yield
+    except OSError as error:
+        found = f"'{path}', where one cannot write ({error.strerror})"
+        raise InputError(f"found {found}, expected a place for a file") from None
+
+
+def _is_taken(path: Path) -> bool:
+    """Whether something stands there that no file can replace: a device, a pipe, a folder."""
+    return path.exists() and not path.is_file()
+
+
+@contextmanager
+def _replacing(path: Path, shared: bool) -> Iterator[TextIO]:
+    """Open a file beside `path` that takes its place, and its permissions, in the end."""
     if not shared:
         _remove_left(path.parent)
     own = f".{secrets.token_hex(4)}" if shared else ""
@@ -56,11 +88,10 @@ def whole_file(path: str | os.PathLike[str], shared: bool = False) -> Iterator[T
     try:
         with _begun(part) as file:
             _lock(file.fileno())
+            with contextlib.suppress(FileNotFoundError):
+                part.chmod(stat.S_IMODE(path.stat().st_mode))
             yield file
         part.replace(path)
-    except OSError as error:
-        found = f"'{path}', where one cannot write ({error.strerror})"
-        raise InputError(f"found {found}, expected a place for a file") from None
     finally:
         with contextlib.suppress(OSError):  # of a name that is too long there is no part
             part.unlink(missing_ok=True)
@@ -71,8 +102,12 @@ def _begun(part: Path) -> TextIO:
     """Open a file that is to be removed if the process leaves; wait while it leaves."""
     with _begins:
         _parts.add(part)
-        # A name may have bytes that are no text: they are written out.
-        return part.open("w", encoding="utf-8", errors="backslashreplace", newline="")
+        return _opened(part)
+
+
+def _opened(path: Path) -> TextIO:
+    """Open a text file; bytes of a name that are no text are written out."""
+    return path.open("w", encoding="utf-8", errors="backslashreplace", newline="")
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> Path:

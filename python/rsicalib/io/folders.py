@@ -103,6 +103,8 @@ def write_folder(
         One cannot write there, another process is writing there, or a file that is there was
         not written by this package. No file is changed then, save where the disk is full.
     """
+    if not os.fspath(folder):
+        raise InputError("found no name, expected that of a folder")
     folder = Path(folder)
     _make(folder)
     with _locked(folder):
@@ -133,6 +135,8 @@ def refuse_foreign(
     folder = Path(folder)
     for name in () if force else names:
         path = folder / name
+        if path.is_dir():
+            raise InputError.at(str(path), "a directory", "the name of a file")
         if os.path.exists(path) and not _is_ours(path):
             found = "a file that rsicalib did not write"
             hint = "Choose another folder, or replace the file with --force (force=True)."
@@ -170,7 +174,7 @@ def _make(folder: Path) -> None:
 
 def _remove(path: Path) -> None:
     try:
-        path.unlink(missing_ok=True)
+        Path(os.path.realpath(path)).unlink(missing_ok=True)
     except OSError as error:
         found = f"'{path}', where one cannot write ({error.strerror})"
         raise InputError(f"found {found}, expected a place for a file") from None

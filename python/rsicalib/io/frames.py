@@ -105,7 +105,7 @@ def _number(cell: object) -> bool:
     return isinstance(cell, int | float | np.number)
 
 
-def table_in_memory(given: object, channels: Sequence[str]) -> Table:
+def table_in_memory(given: object, channels: Sequence[str], source: str = SOURCE) -> Table:
     """A table from memory; an array has the columns of the channels, in their order.
 
     Parameters
@@ -115,6 +115,8 @@ def table_in_memory(given: object, channels: Sequence[str]) -> Table:
         pyarrow and others.
     channels : sequence of str
         Names for the columns of an array.
+    source : str
+        What messages call it.
 
     Raises
     ------
@@ -129,16 +131,16 @@ def table_in_memory(given: object, channels: Sequence[str]) -> Table:
             found = f"{_kind(given)} whose entries differ in length"
             raise InputTypeError(f"readings: found {found}, expected {EXPECTED}") from None
         given = given[np.newaxis] if given.ndim == 1 else given  # one reading
-        return table_of_arrays([(list(channels), given)], SOURCE)
+        return table_of_arrays([(list(channels), given)], source)
     if not in_memory(given):
         raise InputTypeError(f"readings: found {given!r}, expected {EXPECTED}")
     columns = columns_of(given)
     if not columns:
-        raise InputError.at(SOURCE, "no columns", "one for each channel")
+        raise InputError.at(source, "no columns", "one for each channel")
     blocks: list[tuple[Sequence[str], object]] = [
         ([str(name)], cells) for name, cells in columns.items()
     ]
-    return table_of_arrays(blocks, SOURCE)
+    return table_of_arrays(blocks, source)
 
 
 def columns_of(frame: Any) -> Columns:
@@ -162,7 +164,7 @@ def columns_of(frame: Any) -> Columns:
         names = list(map(str, frame.columns))
         _refuse_doubled(names)
         cells = [frame[name] for name in frame.columns]
-    elif in_memory(frame):
+    elif is_frame(frame):
         return columns_of(_as_arrow(frame))
     else:
         expected = "a data frame, or a mapping of names to arrays"
@@ -221,11 +223,7 @@ def _arrow(column: Any) -> Any:
 
 def _plain(cells: Any) -> Cells:
     """Numbers stay an array; text and objects become a list, None where nothing is known."""
-    if isinstance(cells, np.ma.MaskedArray):
-        array = cells.data.astype(object)
-        array[np.ma.getmaskarray(cells)] = None
-    else:
-        array = uncast(cells.to_numpy() if hasattr(cells, "to_numpy") else cells)
+    array = uncast(cells.to_numpy() if hasattr(cells, "to_numpy") else cells)
     if array.ndim != 1:
         raise InputError.at(SOURCE, f"a column of shape {array.shape}", "(n,)")
     if array.dtype.kind in "iuf":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import re
 import time
 import zlib
 from collections.abc import Iterator
@@ -18,6 +19,9 @@ CHUNK = 1 << 16
 POLL_S = 0.05
 """Between two looks at a file that grows."""
 
+END = re.compile(rb"\n|\r(?=[^\n])")
+"""What the first line ends with."""
+
 GZIP = 16 + zlib.MAX_WBITS
 """How zlib calls the format of gzip files."""
 
@@ -25,8 +29,11 @@ EXPECTED = "a header with a column for each channel, then one line per sample"
 
 
 def parts_of(descriptor: int, label: str, follow: bool) -> Iterator[list[bytes]]:
-    """Lines that are not empty, some at a time; the last one as it ends."""
-    rest, at = b"", 0
+    """Lines that are not empty, some at a time; the last one as it ends.
+
+    A file whose first line ends in a carriage return alone, as on old Macs, has such lines.
+    """
+    rest, at, end = b"", 0, b""
     unpacked = _Unpacked(label)
     while True:
         chunk = os.read(descriptor, CHUNK)
@@ -38,7 +45,9 @@ def parts_of(descriptor: int, label: str, follow: bool) -> Iterator[list[bytes]]
             time.sleep(POLL_S)
             continue
         text = unpacked.more(chunk)
-        *lines, rest = (rest + text).split(b"\n") if chunk else (rest, b"")
+        if not end and (first := END.search(rest + text)):
+            end = first[0]
+        *lines, rest = (rest + text).split(end or b"\n") if chunk else (rest, b"")
         if len(rest) > LONGEST_LINE:
             found = f"a line of more than {LONGEST_LINE:,} bytes"
             raise InputError.at(label, found, "one line per sample")

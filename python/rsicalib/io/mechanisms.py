@@ -17,7 +17,7 @@ from rsicalib.io.builtin import BUILTIN
 from rsicalib.io.cells import COLUMNS, POSE
 from rsicalib.io.foreign import refuse_foreign
 from rsicalib.io.mjcf import is_mjcf, mechanism_of_mjcf
-from rsicalib.io.sources import read_text
+from rsicalib.io.sources import read_text, refused_alike
 from rsicalib.io.toml_text import parse_toml
 from rsicalib.io.urdf import (
     UrdfChain,
@@ -210,10 +210,11 @@ def read_mechanism(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _read(file: str) -> str:
-    if not os.path.isfile(file):
+    if not file or not os.path.exists(file):
         expected = f"a mechanism file, or a built-in mechanism: {listed(BUILTIN)}"
         refuse(file, "mechanism", found=f"no such file{meant(file, BUILTIN)}", expected=expected)
-    refuse_foreign(file)
+    with refused_alike(file, "a mechanism file"):
+        refuse_foreign(file)
     return read_text(file, "a mechanism file")
 
 

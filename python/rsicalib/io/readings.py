@@ -29,6 +29,7 @@ from rsicalib.io.cells import (
 from rsicalib.io.csv_text import csv_of
 from rsicalib.io.files import write_text
 from rsicalib.io.frames import SOURCE, TableArg, table_in_memory
+from rsicalib.io.mechanisms import load_mechanism
 from rsicalib.io.order import check_poses_are_together, time_goes_back
 from rsicalib.io.repeats import numbered
 from rsicalib.io.samples import Part, Samples, Skipped, frozen, picked
@@ -43,6 +44,7 @@ from rsicalib.io.tables import (
     text,
 )
 from rsicalib.io.units_row import without_units
+from rsicalib.plain_text import counted
 from rsicalib.tabular import Tabular
 
 
@@ -84,6 +86,8 @@ class Readings(Samples, Tabular):
         Rows that were dropped because the caller asked for it.
     line_word : {"line", "row"}
         What `lines` counts.
+    in_memory : bool
+        Whether the caller had them in memory: `source` is then no file.
     repeats : ndarray of int, shape (n,), or None
         Without poses: the first row of the held pose that each row plainly repeats, of which a
         warning tells. A fit takes such rows for samples of that pose.
@@ -92,7 +96,7 @@ class Readings(Samples, Tabular):
     @classmethod
     def from_arrays(
         cls,
-        mechanism: MechanismLike,
+        mechanism: MechanismLike | str | os.PathLike[str] | Mapping[str, Any],
         values: npt.ArrayLike,
         *,
         pose: npt.ArrayLike | None = None,
@@ -110,7 +114,7 @@ class Readings(Samples, Tabular):
 
         Parameters
         ----------
-        mechanism : Mechanism
+        mechanism : Mechanism, or what `load_mechanism` takes
             Names, units and ranges of its `C` channels.
         values : array_like, shape (n, C)
             Readings, in the order of the mechanism's channels and their units.
@@ -141,6 +145,8 @@ class Readings(Samples, Tabular):
         InputError
             Something cannot be used; the message names row (from 1) and column.
         """
+        if isinstance(mechanism, str | os.PathLike | Mapping):
+            mechanism = load_mechanism(mechanism)
         names = [channel.name for channel in mechanism.channels]
         blocks: list[tuple[Sequence[str], object]] = [(names, values)]
         single = {"pose": pose, "sample": sample, "time_s": time_s, "temperature_c": temperature_c}
@@ -230,10 +236,12 @@ class Readings(Samples, Tabular):
         return {USED: np.isin(np.arange(len(taken)), self.own).astype(int), **taken._table()}
 
     def __repr__(self) -> str:
-        poses = f" of {self.n_poses} poses" if self.held else ", a recording"
+        poses = f" of {counted(self.n_poses, 'pose')}" if self.held else ", a recording"
         known = "" if self.poses is None else ", poses known"
-        channels = f"{len(self.channels)} channel{'s' * (len(self.channels) != 1)}"
-        return f"<Readings {self.source!r}: {len(self)} samples{poses}, {channels}{known}>"
+        channels = counted(len(self.channels), "channel")
+        return (
+            f"<Readings {self.source!r}: {counted(len(self), 'sample')}{poses}, {channels}{known}>"
+        )
 
 
 def load_readings(
@@ -272,9 +280,23 @@ def load_readings(
         The file cannot be used; `where` says file, line, column, what was found and
         what was expected.
     """
+    return load_as("", readings, mechanism, skip_bad_rows)
+
+
+def load_as(
+    called: str,
+    readings: str | os.PathLike[str] | TableArg,
+    mechanism: MechanismLike,
+    skip_bad_rows: bool,
+) -> Readings:
+    """What `load_readings` gives; messages call what is in memory by its argument, if that is not
+    blank.
+    """
     if not isinstance(readings, str | os.PathLike):
         names = [channel.name for channel in mechanism.channels]
-        return readings_of_table(table_in_memory(readings, names), mechanism, skip_bad_rows)
+        source = f"{called} ({SOURCE})" if called else SOURCE
+        table = table_in_memory(readings, names, source)
+        return readings_of_table(table, mechanism, skip_bad_rows)
     file = read_file(readings)
     numbers = None if skip_bad_rows else table_of_numbers(file)
     if numbers is not None and not {*mechanism.key_columns, *TEXTS} & {*numbers.names}:
@@ -351,6 +373,7 @@ def readings_of_table(table: Table, mechanism: MechanismLike, skip_bad_rows: boo
         sha256=table.sha256,
         skipped=skipped,
         line_word=table.line_word,
+        in_memory=table.in_memory,
     )
     check_poses_are_together(readings)
     repeats, said = numbered(readings, mechanism)
@@ -397,14 +420,14 @@ def _skipped(
     first = min(faults)
     if not skip_bad_rows or len(faults) == len(table.lines):
         fault, more = faults[first], len(faults) - 1
-        others = f"{more} more row{'s' * (more > 1)} cannot be used. " if more else ""
+        others = f"{counted(more, 'more row')} cannot be used. " if more else ""
         advice = "Correct the data, or drop such rows with skip_bad_rows (--skip-bad-rows)."
         hint = others + advice
         if len(faults) == len(table.lines):
             hint = "No row can be used."
             if fault.column in table.names:
                 cell = table.columns[table.names.index(fault.column)][first]
-                said = meaning_of(fault.column, cell, mechanism, table.source == SOURCE)
+                said = meaning_of(fault.column, cell, mechanism, table.in_memory)
                 hint = f"{hint} {said}".strip()
         raise table.fault(first, fault.column, fault.found, fault.expected, hint)
     return tuple(

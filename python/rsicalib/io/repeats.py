@@ -10,6 +10,7 @@ from rsicalib.facts.warned import Warned
 from rsicalib.io.cells import MechanismLike
 from rsicalib.io.samples import Samples
 from rsicalib.io.suspicions import labels_of, places
+from rsicalib.plain_text import counted
 
 
 def numbered(readings: Samples, mechanism: MechanismLike) -> tuple[IntArray | None, list[Warned]]:
@@ -54,7 +55,7 @@ def numbered(readings: Samples, mechanism: MechanismLike) -> tuple[IntArray | No
         )
     else:
         if found["by"] == "sample":
-            times = f"{len(begins)} time{'s' * (len(begins) > 1)}"
+            times = counted(len(begins), "time")
             why = f"sample begins again {times} ({places(readings, begins)})"
         else:
             why = (

@@ -57,6 +57,7 @@ class Samples(Alike):
     warnings: tuple[Warned, ...] = ()
     skipped: tuple[Skipped, ...] = ()
     line_word: str = "line"
+    in_memory: bool = False
     repeats: IntArray | None = None
     part: Part | None = None
 

@@ -14,12 +14,17 @@ import re
 import sys
 import unicodedata
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import IO, Any
 
 from rsicalib.errors import InputError
 
 STANDARD_INPUT = "-"
 """The path that stands for standard input."""
+
+ON_STREAM = "standard input"
+"""What messages call it."""
 
 LIMIT = "RSICALIB_LARGEST_FILE"
 """Variable of the environment with the bytes that a file may hold, as `8e9`."""
@@ -75,24 +80,56 @@ def read_bytes(path: str | os.PathLike[str], expected: str, place: str | None = 
         There is no such file, it cannot be read, or it holds too much.
     """
     source = os.fsdecode(path)
+    with refused_alike(source, expected, place):
+        if source == STANDARD_INPUT:
+            return _within(standard_input(expected), source)
+        with open(source, "rb") as file:
+            return _within(file, source)
+
+
+@contextmanager
+def refused_alike(source: str, expected: str, place: str | None = None) -> Iterator[None]:
+    """Refuse a file that cannot be opened or read, in the words that stand for it everywhere.
+
+    Parameters
+    ----------
+    source, expected, place
+        As `read_bytes` takes them.
+
+    Raises
+    ------
+    InputError
+        In place of what the system raised.
+    """
 
     def refuse(found: str, expected: str) -> InputError:
         return InputError.at(source, found, expected, place=place)
 
     try:
-        if source == STANDARD_INPUT:
-            return _within(sys.stdin.buffer, source)
-        with open(source, "rb") as file:
-            return _within(file, source)
+        yield
     except InputError:  # too much: said already
         raise
     except FileNotFoundError:
         raise refuse("no such file", expected) from None
     except IsADirectoryError:
         raise refuse("a directory", expected) from None
-    except (AttributeError, OSError, ValueError) as error:  # closed, unreadable, a NUL in the path
+    except (OSError, ValueError) as error:  # unreadable, a NUL in the path
         reason = getattr(error, "strerror", None) or str(error)
         raise refuse(reason, "a file that can be read") from error
+
+
+def standard_input(expected: str) -> IO[bytes]:
+    """Standard input as bytes.
+
+    Raises
+    ------
+    InputError
+        It is closed.
+    """
+    stream: IO[bytes] | None = getattr(sys.stdin, "buffer", None)
+    if stream is None or stream.closed:
+        raise InputError.at(ON_STREAM, "a closed stream", expected)
+    return stream
 
 
 def unpacked(data: bytes, source: str) -> bytes:

@@ -11,7 +11,6 @@ import contextlib
 import itertools
 import math
 import os
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
@@ -24,10 +23,11 @@ from rsicalib import _core
 from rsicalib.arrays import FloatArray
 from rsicalib.errors import InputError
 from rsicalib.io.cells import MechanismLike, read_header
-from rsicalib.io.extras import parquet_modules
+from rsicalib.io.extras import parquet_modules, read_by
 from rsicalib.io.frames import SOURCE, TableArg, columns_of
 from rsicalib.io.lines import EXPECTED, Marks, header_of, parts_of
 from rsicalib.io.messages import documents, is_message, message_of, positions_of
+from rsicalib.io.sources import ON_STREAM, STANDARD_INPUT, refused_alike, standard_input
 from rsicalib.io.tables import (
     PARQUET,
     Ragged,
@@ -102,16 +102,26 @@ def rows_of(
     ------
     InputError
         There is no such file, its header is refused (`rsicalib.io.cells.read_header`), a column
-        has another unit, or a file that is packed (gzip) is damaged.
+        has another unit, a file is damaged, or it ends without a row.
     """
     name = os.fsdecode(source)
     if PurePath(name).suffix.lower() in PARQUET:
         if follow:
             found, expected = "a Parquet file, which does not grow", "a file of lines"
             raise InputError.at(name, found, expected)
-        return _parquet(name, mechanism, device)
+        return _some(_parquet(name, mechanism, device), name)
     named = joints or {channel.name: channel.name for channel in mechanism.channels}
-    return _text(name, mechanism, named, follow, device)
+    return _some(_text(name, mechanism, named, follow, device), name)
+
+
+def _some(rows: Iterator[Rows], name: str) -> Iterator[Rows]:
+    """The same rows; refused at their end where there are none."""
+    first = next(rows, None)
+    if first is None:
+        source = ON_STREAM if name == STANDARD_INPUT else name
+        raise InputError.at(source, "no readings", "at least one row below the header")
+    yield first
+    yield from rows
 
 
 def rows_in_memory(
@@ -222,17 +232,14 @@ def _text(
     device: bool,
 ) -> Iterator[Rows]:
     with contextlib.ExitStack() as stack:
-        if name == "-":
-            label, descriptor = "standard input", sys.stdin.fileno()
+        expected = "a file of readings"
+        if name == STANDARD_INPUT:
+            label, descriptor = ON_STREAM, standard_input(expected).fileno()
         else:
-            label = name
-            try:
+            with refused_alike(name, expected):
                 file = stack.enter_context(open(name, "rb", buffering=0))
-            except (OSError, ValueError) as error:  # a NUL in the path
-                found = getattr(error, "strerror", None) or str(error)
-                raise InputError.at(name, found, "a file of readings") from None
-            descriptor = file.fileno()
-        parts = parts_of(descriptor, label, follow and name != "-")
+            label, descriptor = name, file.fileno()
+        parts = parts_of(descriptor, label, follow and name != STANDARD_INPUT)
         first = next(parts, None)
         if first is None:
             raise InputError.at(label, "an empty file", EXPECTED, line=1)
@@ -294,11 +301,10 @@ def _messages(parts: Iterator[list[bytes]], joints: Mapping[str, str]) -> Iterat
 
 def _parquet(name: str, mechanism: MechanismLike, device: bool) -> Iterator[Rows]:
     pyarrow, parquet = parquet_modules(name)
-    try:
+    with refused_alike(name, "a file of readings"), open(name, "rb"):
+        pass  # it is there
+    with read_by("pyarrow", name, "a Parquet file"):
         file: Any = parquet.ParquetFile(name)
-    except (OSError, ValueError) as error:
-        found, expected = str(error).splitlines()[0], "a Parquet file of readings"
-        raise InputError.at(name, found, expected) from None
     called = list(file.schema_arrow.names)
     names = [one.strip() for one in called]
 
@@ -312,6 +318,11 @@ def _parquet(name: str, mechanism: MechanismLike, device: bool) -> Iterator[Rows
     none = file.schema_arrow.empty_table()
     taken = _Taken(table_of(none, range(len(names))), mechanism, device)
     wanted = [called[place] for place in taken.places]
-    for batch in file.iter_batches(batch_size=BATCH, columns=wanted):
-        part = pyarrow.Table.from_batches([batch]).select(wanted)
+    batches = file.iter_batches(batch_size=BATCH, columns=wanted)
+    while True:
+        with read_by("pyarrow", name, "a Parquet file"):
+            batch = next(batches, None)
+            if batch is None:
+                return
+            part = pyarrow.Table.from_batches([batch]).select(wanted)
         yield taken.rows(table_of(part, taken.places))

@@ -16,7 +16,7 @@ from rsicalib import _core
 from rsicalib.facts.warned import Warned, WarnedKind
 from rsicalib.io.cells import MechanismLike
 from rsicalib.io.samples import Samples
-from rsicalib.plain_text import nearest
+from rsicalib.plain_text import counted, nearest
 
 LISTED = 5
 """Places a message names before it only counts."""
@@ -105,7 +105,7 @@ def _words(
     match found["kind"]:
         case "constant":
             return (
-                f"{name}: reads {found['reads']:.10g} in all {len(readings)} rows while "
+                f"{name}: reads {found['reads']:.10g} in all {counted(len(readings), 'row')} while "
                 "other channels move; check its wiring, it cannot be calibrated like this"
             )
         case "clipped":
@@ -126,7 +126,7 @@ def _words(
             )
         case "end_of_range":
             return (
-                f"{name}: {len(rows)} reading{'s' * (len(rows) > 1)} at the end of its "
+                f"{name}: {counted(len(rows), 'reading')} at the end of its "
                 f"range, {found['end']:.10g} ({places(readings, rows)}); the joint may have been "
                 "further out: leave those rows out (--skip-bad-rows), or keep the joint within "
                 "its range"

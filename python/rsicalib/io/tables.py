@@ -22,9 +22,10 @@ from rsicalib import _core
 from rsicalib.arrays import FloatArray, IntArray
 from rsicalib.errors import InputError
 from rsicalib.io.csv_text import read_csv_text
-from rsicalib.io.extras import parquet_modules
+from rsicalib.io.extras import parquet_modules, read_by
 from rsicalib.io.sources import decoded, read_bytes, refuse_larger, unpacked
 from rsicalib.io.times import dates_of, seconds_of_dates
+from rsicalib.plain_text import counted
 
 PARQUET = {".parquet", ".pq"}
 CHUNK = 1 << 25
@@ -92,6 +93,8 @@ class Table:
         Line of the header.
     decimal : {".", ","}
         What stands before decimals in text.
+    in_memory : bool
+        Whether the caller had it in memory: there is no file that it stands in.
     """
 
     names: list[str]
@@ -103,6 +106,7 @@ class Table:
     ragged: dict[int, Ragged] = field(default_factory=dict)
     header: int = 1
     decimal: str = "."
+    in_memory: bool = False
 
     def fault(
         self, row: int, column: str | None, found: str, expected: str, hint: str = ""
@@ -299,23 +303,18 @@ def columns_of_rows(
 
 def _misfit(row: list[str], names: list[str]) -> Ragged:
     column = names[len(row)] if len(row) < len(names) else f"{len(names) + 1} (beyond the last)"
-    found = "an empty line" if not row else f"{len(row)} cell{'s' * (len(row) != 1)}"
+    found = "an empty line" if not row else counted(len(row), "cell")
     return Ragged(column, found, f"{len(names)} cells, as in the header")
 
 
 def _read_parquet(data: bytes, source: str, sha256: str) -> Table:
     pyarrow, parquet = parquet_modules(source)
-    try:
+    with read_by("pyarrow", source, "a Parquet file"):
         file = parquet.ParquetFile(io.BytesIO(data))
         # A column that repeats one number takes no room in the file.
         refuse_larger(8.0 * file.metadata.num_rows * file.metadata.num_columns, source, " in cells")
         table = file.read()
         columns = [parquet_cells(column, pyarrow.types) for column in table.columns]
-    except InputError:
-        raise
-    except (pyarrow.ArrowException, OSError, ValueError, OverflowError) as error:
-        found = f"what pyarrow cannot read ({_first_line(error)})"
-        raise InputError.at(source, found, "a Parquet file") from error
     return Table(
         names=[name.strip() for name in table.column_names],
         columns=columns,
@@ -335,10 +334,6 @@ def parquet_cells(column: Any, types: Any) -> Sequence[Any] | npt.NDArray[Any]:
     cells: Sequence[Any] | npt.NDArray[Any]
     cells = column.to_numpy() if plain and not column.null_count else column.to_pylist()
     return cells
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def table_of_arrays(blocks: list[tuple[Sequence[str], object]], source: str) -> Table:
@@ -377,15 +372,11 @@ def table_of_arrays(blocks: list[tuple[Sequence[str], object]], source: str) -> 
             digest.update(name.encode() + b"\0")
             digest.update(cells.tobytes() if plain else repr(cells.tolist()).encode())
     lines = np.arange(1, rows + 1, dtype=np.int64)
-    return Table(names, columns, lines, "row", source, digest.hexdigest())
+    return Table(names, columns, lines, "row", source, digest.hexdigest(), in_memory=True)
 
 
 def _array(given: object, column: str | None, source: str) -> npt.NDArray[Any]:
-    """An array of numbers, text or objects; masked entries become None, so they count as blank."""
-    if isinstance(given, np.ma.MaskedArray):
-        cells = given.data.astype(object)
-        cells[np.ma.getmaskarray(given)] = None
-        given = cells
+    """An array of numbers, text or objects, or of dates."""
     try:
         array = uncast(given)
     except ValueError as error:
@@ -400,11 +391,21 @@ def _array(given: object, column: str | None, source: str) -> npt.NDArray[Any]:
 
 
 def uncast(given: object) -> npt.NDArray[Any]:
-    """An array of what is given; of objects where NumPy would make 1 of a True among numbers."""
+    """An array of what is given; of objects where NumPy would make 1 of a True among numbers, or
+    'nan' of a NaN among texts.
+
+    What is masked becomes None, which counts as blank.
+    """
+    if isinstance(given, np.ma.MaskedArray):
+        array = given.data.astype(object)
+        array[np.ma.getmaskarray(given)] = None
+        return array
     array = np.asarray(given)
-    if array is given or array.dtype.kind not in "iuf" or hasattr(given, "dtype"):
+    if array is given or array.dtype.kind not in "iufU" or hasattr(given, "dtype"):
         return array
     cells = np.asarray(given, dtype=object)
+    if array.dtype.kind == "U":
+        return array if all(isinstance(c, str) for c in cells.flat) else cells
     return cells if any(isinstance(c, bool | np.bool_) for c in cells.flat) else array
 
 

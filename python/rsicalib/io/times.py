@@ -108,7 +108,7 @@ def dates_of(cells: Any) -> npt.NDArray[Any] | None:
     array = np.asarray(cells)
     if array.dtype.kind in "mM":
         return array
-    known = [cell for cell in array.flat if not _is_none(cell)] if array.dtype == object else []
+    known = [cell for cell in array.flat if not is_none(cell)] if array.dtype == object else []
     for kind in (datetime.datetime, datetime.timedelta):
         if known and all(isinstance(cell, kind) for cell in known):
             break
@@ -117,12 +117,16 @@ def dates_of(cells: Any) -> npt.NDArray[Any] | None:
     if len({getattr(cell, "tzinfo", None) is None for cell in known}) > 1:
         return None
     nothing = np.datetime64("NaT") if kind is datetime.datetime else np.timedelta64("NaT")
-    return np.array([nothing if _is_none(cell) else _of_numpy(cell) for cell in array.flat])
+    return np.array([nothing if is_none(cell) else _of_numpy(cell) for cell in array.flat])
 
 
-def _is_none(cell: Any) -> bool:
-    """Whether a cell is None, or what is not equal to itself: NaN, or NaT of pandas."""
-    return cell is None or bool(cell != cell)
+def is_none(cell: Any) -> bool:
+    """Whether a cell is None, or what is not equal to itself: NaN, NaT, or NA of pandas."""
+    if cell is None:
+        return True
+    differs = cell != cell
+    # Of NA nobody can say whether it is equal to itself, pandas neither.
+    return bool(differs) if isinstance(differs, bool | np.bool_) else True
 
 
 def _of_numpy(cell: Any) -> Any:

@@ -13,6 +13,7 @@ from rsicalib._core import Mechanism
 from rsicalib.arrays import Alike, FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import NOT_WRITTEN, Record
+from rsicalib.plain_text import counted
 from rsicalib.plots import lines, on_axes
 from rsicalib.poses.devices import nominal
 from rsicalib.tabular import Tabular
@@ -122,11 +123,11 @@ class Observability(Alike, Tabular, Record, eq=False, repr=False):
         told = f"{len(self.unobservable)} directions cannot be told" if self.unobservable else ""
         known = [m for m in self.scalings if m.scaling != "none"] or self.scalings[:1]
         words = [f"condition {m.condition:.3g} ({m.scaling.replace('_', ' ')})" for m in known[:1]]
-        return f"<Observability of {self.samples} samples: {told or ''.join(words)}>"
+        return f"<Observability of {counted(self.samples, 'sample')}: {told or ''.join(words)}>"
 
     def text(self) -> str:
         """A table of the measures, and the directions in words."""
-        lines = [f"{self.samples} samples", ""]
+        lines = [f"{counted(self.samples, 'sample')}", ""]
         lines.append(
             f"{'scaling':15s} {'O1':>10s} {'O2':>10s} {'O3':>10s} {'O4':>10s} {'O5':>10s} "
             f"{'condition':>10s}"

@@ -12,6 +12,7 @@ from rsicalib.arrays import Alike, FloatArray
 from rsicalib.errors import InputError
 from rsicalib.facts.records import Record
 from rsicalib.io.cells import POSE
+from rsicalib.plain_text import counted
 from rsicalib.planning.measures import parameters_of
 from rsicalib.plots import on_axes, scatter
 from rsicalib.poses.devices import Device, Within, draw_poses
@@ -118,8 +119,8 @@ class Workspace(Alike, Tabular, Record, eq=False, repr=False):
     def __repr__(self) -> str:
         low, high = np.min(self.position_sd), np.max(self.position_sd)
         return (
-            f"<Workspace of {self.mechanism!r}: {len(self.poses)} poses, sd of the position "
-            f"{low:.2g} to {high:.2g} {self.length_unit}>"
+            f"<Workspace of {self.mechanism!r}: {counted(len(self.poses), 'pose')}, "
+            f"sd of the position {low:.2g} to {high:.2g} {self.length_unit}>"
         )
 
 

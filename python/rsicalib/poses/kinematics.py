@@ -24,6 +24,7 @@ from rsicalib.work.arguments import (
     open_mechanism,
 )
 from rsicalib.work.closing import warn_of_open_loops
+from rsicalib.work.reach import reach_told
 
 PlacesT = TypeVar("PlacesT", bound=FrameArg)
 """A data frame goes in and comes out."""
@@ -212,7 +213,7 @@ def inverse(poses: Any, mechanism: MechanismArg = "rsi") -> Any:
     Raises
     ------
     InputError
-        A pose is out of reach; the message says which arm and by how much.
+        A pose is out of reach; the message says in which row, from 1, which arm and by how much.
 
     Examples
     --------
@@ -229,7 +230,9 @@ def inverse(poses: Any, mechanism: MechanismArg = "rsi") -> Any:
     if array.shape[-1:] != (6,) or array.ndim > 2:
         raise InputError(f"found poses of shape {array.shape}, expected (n, 6) or (6,)")
     opened = open_mechanism(mechanism)
-    found = np.asarray(_core.angles_at(opened, np.ascontiguousarray(np.atleast_2d(array))))
+    rows = np.ascontiguousarray(np.atleast_2d(array))
+    with reach_told(opened, rows, "poses", np.arange(1, len(rows) + 1)):
+        found = np.asarray(_core.angles_at(opened, rows))
     if is_frame(poses):
         return _as_given(poses, [channel.name for channel in opened.channels], found)
     return found.reshape(*array.shape[:-1], -1)

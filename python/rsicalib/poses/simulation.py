@@ -20,6 +20,7 @@ from rsicalib.errors import InputError
 from rsicalib.facts.records import to_json
 from rsicalib.io.folders import MARK, TRUTH, Sealed
 from rsicalib.io.readings import Readings
+from rsicalib.plain_text import counted
 from rsicalib.poses.devices import Device, Within, draw_poses
 from rsicalib.units import is_count
 from rsicalib.work.arguments import MechanismArg, PathLike, open_mechanism
@@ -56,7 +57,7 @@ class Simulated(Alike, Sealed):
 
     def __repr__(self) -> str:
         name, seed = self.device.mechanism.name, self.truth["seed"]
-        return f"<Simulated {name!r}, seed {seed}: {self.readings.n_poses} poses>"
+        return f"<Simulated {name!r}, seed {seed}: {counted(self.readings.n_poses, 'pose')}>"
 
     def _repr_html_(self) -> str | None:
         return self.readings._repr_html_()

@@ -10,7 +10,7 @@ from rsicalib.report.curves import ANY_CURVE, AnyCurve, any_curve
 from rsicalib.report.figure import Figure
 from rsicalib.report.svg import WIDE, Canvas, Chart, bounds, fitted
 from rsicalib.report.words import name_of, number, subject
-from rsicalib.units import axis_words, in_thousandths
+from rsicalib.units import HALF_95, axis_words, in_thousandths
 
 HEIGHT = 240.0
 
@@ -70,8 +70,8 @@ def _band(step: Step, times: float) -> tuple[list[tuple[float, float]], list[tup
     if len(step.curve_sd) != len(step.curve):
         return [], []
     rows = list(zip(step.curve, step.curve_sd, strict=True))
-    upper = [(row[0], times * (row[1] + 1.96 * sd)) for row, sd in rows]
-    lower = [(row[0], times * (row[1] - 1.96 * sd)) for row, sd in rows]
+    upper = [(row[0], times * (row[1] + HALF_95 * sd)) for row, sd in rows]
+    lower = [(row[0], times * (row[1] - HALF_95 * sd)) for row, sd in rows]
     return upper, lower
 
 

@@ -25,6 +25,7 @@ from rsicalib.report.words import (
     subject,
     target_words,
 )
+from rsicalib.units import HALF_95
 
 
 def key_of(p: ParameterName) -> str:
@@ -48,7 +49,7 @@ def fit_data(fit: SwitchFit, parameters: Sequence[ParameterName], dots: Dots) ->
             number(fit.rms_misclosure),
         ],
         "parameters": {
-            key_of(p): list(plus_minus(v, None if s is None else 1.96 * s))
+            key_of(p): list(plus_minus(v, None if s is None else HALF_95 * s))
             for p, v, s in zip(parameters, fit.values, fit.sd, strict=True)
         },
         "residuals": [round(float(v), 2) for v in rows.ravel()],

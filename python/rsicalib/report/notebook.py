@@ -48,6 +48,6 @@ def result_html(result: ResultShape, parameters: Mapping[str, Sequence[Any]]) ->
         )
     if parameters["name"]:
         count = len(parameters["name"])
-        title = f"<summary>{count} parameter{'s' * (count > 1)}</summary>"
+        title = f"<summary>{counted(count, 'parameter')}</summary>"
         parts.append(f"<details>{title}{html_table(parameters)}</details>")
     return f"<div>{''.join(parts)}</div>"

@@ -21,7 +21,9 @@ from rsicalib.report.residuals import Dots, dots_of, normal_figure, residual_fig
 from rsicalib.report.scene import scene_of
 from rsicalib.report.switches import switchboard_html
 from rsicalib.report.words import (
+    IN_PYTHON,
     OPEN,
+    Kept,
     advice,
     between_words,
     capital,
@@ -50,7 +52,7 @@ from rsicalib.report.words import (
     with_bounds,
 )
 from rsicalib.report.workspace import workspace_figure
-from rsicalib.units import with_unit
+from rsicalib.units import HALF_95, with_unit
 
 FEW = 3
 """Sentences of a list that are not folded."""
@@ -62,7 +64,12 @@ SCRIPT = "".join(
 """Scripts of every page; each does nothing where the page has nothing for it."""
 
 
-def html(result: ResultShape, evidence: Evidence | None = None, target: float | None = None) -> str:
+def html(
+    result: ResultShape,
+    evidence: Evidence | None = None,
+    target: float | None = None,
+    kept: Kept = IN_PYTHON,
+) -> str:
     """Write the report as one HTML file that needs no network.
 
     Parameters
@@ -73,6 +80,8 @@ def html(result: ResultShape, evidence: Evidence | None = None, target: float | 
         What the pictures are drawn from; there are fewer without it.
     target : float, optional
         Standard deviation of what is carried that is aimed at [length unit].
+    kept : Kept, optional
+        Where the result stands; in memory where not given.
 
     Returns
     -------
@@ -81,7 +90,7 @@ def html(result: ResultShape, evidence: Evidence | None = None, target: float | 
     """
     if is_garbage(result):
         parts = [
-            _garbage(result),
+            _garbage(result, kept),
             _warnings(result),
             _folded("How it was computed", _about(result)),
         ]
@@ -104,7 +113,7 @@ def html(result: ResultShape, evidence: Evidence | None = None, target: float | 
     if calm:
         parts.insert(0, section(*_errors(result)))
         parts = [_folded("Everything else: errors, residuals, workspace, parameters", *parts)]
-    first = _first_screen(result, evidence, calm=calm)
+    first = _first_screen(result, evidence, kept, calm=calm)
     title = f"{result.mechanism}: {result.verdict or 'calibrated'}"
     return document(title, [first, *parts], _whose(result))
 
@@ -266,26 +275,26 @@ def _said_first(result: ResultShape, evidence: Evidence | None, experts: str = "
     return "\n".join(parts)
 
 
-def _next(result: ResultShape) -> str:
-    advised = _heading("What to do next", listed(advice(result), "next"))
+def _next(result: ResultShape, kept: Kept) -> str:
+    advised = _heading("What to do next", listed(advice(result, kept), "next"))
     return f'{advised}\n<p class="faint">{whole(escape(_data(result)))}</p>'
 
 
-def _garbage(result: ResultShape) -> str:
+def _garbage(result: ResultShape, kept: Kept) -> str:
     """The first screen of readings that are not of this mechanism: why, and nothing else."""
     steps = result.steps if isinstance(result, TraceShape) else ()
     # The list beside it says why.
     experts = "" if steps else f"Implausible: {judged_words(quality(result))}."
     return (
         f'<header class="first"><div class="said">{_said_first(result, None, experts)}</div>\n'
-        f'<div class="hero">{_why_garbage(result)}\n{_next(result)}</div></header>'
+        f'<div class="hero">{_why_garbage(result)}\n{_next(result, kept)}</div></header>'
     )
 
 
-def _first_screen(result: ResultShape, evidence: Evidence | None, *, calm: bool) -> str:
+def _first_screen(result: ResultShape, evidence: Evidence | None, kept: Kept, *, calm: bool) -> str:
     figure = mechanism_figure(result, evidence, dots_of(result, evidence)) if evidence else None
     said = _said_first(result, evidence)
-    more = ("" if calm else _heading(*_errors(result)) + "\n") + _next(result)
+    more = ("" if calm else _heading(*_errors(result)) + "\n") + _next(result, kept)
     if figure is None:
         return f"<header>{said}\n{more}</header>"
     return (
@@ -511,7 +520,7 @@ def _parameters(result: ResultShape) -> str:
         old = before.get((p.spec, p.name))
         all_readings = plus_minus(old.value, old.sd)[0] if old else "–"
         earlier = _earlier(p) if superseding else ()
-        wide = plus_minus(p.value, None if p.sd_between is None else 1.96 * p.sd_between)[1]
+        wide = plus_minus(p.value, None if p.sd_between is None else HALF_95 * p.sd_between)[1]
         earlier = (*([wide] * (grouped and result.between is not None)), *earlier)
         rows.append((target, name, value, half, p.unit, *earlier, *[all_readings] * bool(whole)))
     found = table(heads, rows, 2, "parameters") if rows else ""
@@ -524,7 +533,11 @@ def _parameters(result: ResultShape) -> str:
     weak = listed(f"Weak: {text}" for text in result.weak)
     if len(result.weak) > FEW:
         weak = _folded(f"{len(result.weak)} combinations that the readings hardly tell", weak)
-    folded = _folded(f"{len(rows)} parameters with their 95 % intervals", found) if rows else ""
+    folded = (
+        _folded(f"{counted(len(rows), 'parameter')} with their 95 % intervals", found)
+        if rows
+        else ""
+    )
     return section("Parameters", folded, notes, weak)
 
 
@@ -532,7 +545,7 @@ def _earlier(p: Parameter) -> tuple[str, str]:
     """The earlier value, as exact as the new one, and the change in units of both uncertainties."""
     if p.earlier is None:
         return "–", "–"
-    known = plus_minus(p.earlier.value, None if p.sd is None else 1.96 * p.sd)[0]
+    known = plus_minus(p.earlier.value, None if p.sd is None else HALF_95 * p.sd)[0]
     return known, "–" if p.change is None else f"{p.change:+z.1f}"
 
 

@@ -21,7 +21,7 @@ from rsicalib.report.residuals import FAR
 from rsicalib.report.svg import WIDE, Axis, Canvas, Chart, bounds, fitted, width_of
 from rsicalib.report.words import capital, number, plus_minus, probability
 from rsicalib.tabular import Tabular, Told
-from rsicalib.units import axis_words
+from rsicalib.units import HALF_95, axis_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -114,7 +114,7 @@ class Series(Record):
     """Its standard deviation."""
     scatter: float | None = None
     """Standard deviation between sessions beside that of the estimates; 0 where it is no more."""
-    wide: float = 1.96
+    wide: float = HALF_95
     """Half width of an interval of 95 % of level and rate, in standard deviations."""
 
     @property
@@ -203,7 +203,7 @@ class History(Told, Tabular, Record, kw_only=True, repr=False):
             raise KeyError(f"no parameter {parameter!r}; there are {', '.join(known)}")
         one = known[parameter]
         days = [datetime.datetime.fromisoformat(date) for date in one.valid_from]
-        half = [1.96 * sd for sd in one.sd]
+        half = [HALF_95 * sd for sd in one.sd]
         axes = on_axes(ax, figsize=(7, 3))
         intervals(axes, days, one.values, half, axis_words(parameter, one.unit))
         axes.tick_params(axis="x", rotation=30)
@@ -264,7 +264,7 @@ def _past(one: Past) -> str:
 
 def _cells(one: Series) -> list[str]:
     name = axis_words(one.key, one.unit)
-    value, half = plus_minus(one.values[-1], 1.96 * one.sd[-1])
+    value, half = plus_minus(one.values[-1], HALF_95 * one.sd[-1])
     rate, rate_half = "-", "-"
     if one.rate is not None and one.rate_sd is not None:
         rate, rate_half = plus_minus(YEAR * one.rate, one.wide * YEAR * one.rate_sd)
@@ -305,7 +305,7 @@ def _no_rate(history: History) -> str | None:
 
 def event_words(one: Series, jump: Jump) -> str:
     """A jump as a line."""
-    value, half = plus_minus(jump.value, 1.96 * jump.sd)
+    value, half = plus_minus(jump.value, HALF_95 * jump.sd)
     told = ", as its result says" if jump.told else ""
     return f"jumped: {one.key} by {value} ± {half} {one.unit} by {jump.valid_from}{told}"
 
@@ -482,7 +482,7 @@ def _events(canvas: Canvas, history: History, x: Axis, y: float) -> None:
 def _figure(one: Series) -> Figure:
     days = [days_of(date) for date in one.valid_from]
     since = [day - days[0] for day in days]
-    half = [1.96 * sd for sd in one.sd]
+    half = [HALF_95 * sd for sd in one.sd]
     title = f"{one.term} of {one.target}"
     title += f", {one.name}" if one.name != one.term else ""
 

@@ -10,6 +10,7 @@ from html import escape
 import numpy as np
 
 from rsicalib.arrays import FloatArray
+from rsicalib.plain_text import counted
 from rsicalib.report.figure import Figure
 from rsicalib.report.page import document, listed, section, table
 from rsicalib.report.svg import WIDE, Canvas, Chart, bounds, width_of
@@ -59,7 +60,7 @@ def poses_html(
         f"{mechanism}: plan",
         [
             f"<h1>Plan for {escape(mechanism)}</h1>",
-            f'<p class="verdict good">{len(lines)} poses to visit, in this order.</p>',
+            f'<p class="verdict good">{counted(len(lines), "pose")} to visit, in this order.</p>',
             section("What they bring", _brought(brings)),
             section("Where they are", figure.html() if figure else ""),
             section("The poses", why, found),

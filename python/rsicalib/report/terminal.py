@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from rsicalib.facts.shapes import Parameter, ResultShape, TraceShape
 from rsicalib.plain_text import counted, wrapped
 from rsicalib.report.words import (
+    IN_PYTHON,
+    Kept,
     advice,
     between_words,
     comparison,
@@ -30,7 +32,7 @@ from rsicalib.report.words import (
     target_words,
     with_bounds,
 )
-from rsicalib.units import axis_words, with_unit
+from rsicalib.units import HALF_95, axis_words, with_unit
 
 LINES = 23
 """With a blank one and the path of a report they are 25, in lines of `WIDTH` columns."""
@@ -46,6 +48,13 @@ ADVICE = 5
 """Lines of what to do next that there is always room for."""
 
 
+LABELS = (
+    *("readings", "noise", "groups", "earlier", "warning", "found", "formula", "elsewhere"),
+    *("left out", "noisier", "left over", "may hide", "not tried"),
+)
+"""What stands before the lines of a summary, and is faint on a terminal."""
+
+
 @dataclass(frozen=True)
 class Look:
     """How wide lines are, and whether everything is said, in as many lines as it takes."""
@@ -58,7 +67,13 @@ class Look:
         return max(most, -(-most * WIDTH // self.width))
 
 
-def summary(result: ResultShape, *, width: int | None = None, whole: bool = False) -> str:
+def summary(
+    result: ResultShape,
+    *,
+    width: int | None = None,
+    whole: bool = False,
+    kept: Kept = IN_PYTHON,
+) -> str:
     """Write what was found in a few lines for a terminal.
 
     Parameters
@@ -69,6 +84,8 @@ def summary(result: ResultShape, *, width: int | None = None, whole: bool = Fals
         Columns of the terminal; 100 where not given.
     whole : bool
         Say everything, in as many lines as it takes: for a file, or a pipe.
+    kept : Kept, optional
+        Where the result stands; in memory where not given.
 
     Returns
     -------
@@ -76,11 +93,12 @@ def summary(result: ResultShape, *, width: int | None = None, whole: bool = Fals
         Lines without a line feed at the end.
     """
     look = Look(WIDTH if width is None else max(NARROW, width), whole)
+    advised = advice(result, kept)
     head = _most(wrapped(sentence(result), look.width), 4, look)
     data = result.readings
     head += [
         "",
-        f"  {'readings':10}{counted(data.poses, 'pose')}, {counted(data.samples, 'sample')}",
+        _labelled("readings", f"{counted(data.poses, 'pose')}, {counted(data.samples, 'sample')}"),
     ]
     head += _entry("noise", noise_words(result), look)
     if between := between_words(result):
@@ -93,12 +111,12 @@ def summary(result: ResultShape, *, width: int | None = None, whole: bool = Fals
     else:
         middle = [*_left_out(result, look), *middle]
     if whole:
-        tail = _advice(result, None, look)
+        tail = _advice(advised, None, look)
         parts = [head, middle, _parameters(result, None, look), tail]
         return "\n\n".join("\n".join(part).removeprefix("\n") for part in parts if any(part))
     lines = look.lines(LINES)
     free = lines - len(head) - len(middle) - 2 if isinstance(result, TraceShape) else 0
-    tail = _advice(result, max(free, look.lines(ADVICE)), look)
+    tail = _advice(advised, max(free, look.lines(ADVICE)), look)
     if tail:
         tail = ["", *tail]
     room = max(lines - len(head) - len(tail) - 1, 1)
@@ -126,9 +144,14 @@ def _cut(line: str, look: Look) -> list[str]:
     return _most(wrapped(line, look.width, subsequent_indent=" " * 12), 1, look)
 
 
+def _labelled(label: str, text: str) -> str:
+    """A line with its label, one of `LABELS`."""
+    return f"  {LABELS[LABELS.index(label)]:10}{text}"
+
+
 def _entry(label: str, text: str, look: Look) -> list[str]:
     """A label with what it is about, in as many lines as that takes."""
-    first = f"  {label:10}"
+    first = _labelled(label, "")
     return wrapped(text, look.width, initial_indent=first, subsequent_indent=" " * 12)
 
 
@@ -144,14 +167,14 @@ def _listed(label: str, texts: Sequence[str], most: int, look: Look) -> list[str
     if look.whole:
         most = len(texts)
     more = len(texts) - most
-    lines = [line for text in texts[:most] for line in _cut(f"  {label:10}{text}", look)]
+    lines = [line for text in texts[:most] for line in _cut(_labelled(label, text), look)]
     return [*lines, f"  {'':10}and {more} more"] if more > 0 else lines
 
 
-def _advice(result: ResultShape, room: int | None, look: Look) -> list[str]:
+def _advice(advised: Sequence[str], room: int | None, look: Look) -> list[str]:
     """What to do next: whole sentences, as many as there is room for, the first in any case."""
     lines: list[str] = []
-    for text in advice(result)[: None if room is None else 3]:
+    for text in advised[: None if room is None else 3]:
         more = wrapped(text, look.width, initial_indent="→ ", subsequent_indent="  ")
         if room is None or not lines or len(lines) + len(more) <= room:
             lines += more[:room]
@@ -209,7 +232,7 @@ def _found(result: TraceShape, look: Look) -> list[str]:
     lines: list[str] = []
     for step in result.steps if look.whole else result.steps[:4]:
         where = labelled(target_words("", step.target), step.label)
-        line = f"  found     {name_of(step.term)} of {where}: {size_words(step)}"
+        line = _labelled("found", f"{name_of(step.term)} of {where}: {size_words(step)}")
         rms = step.platform_rms
         if rms is not None and rms.orientation is not None:
             cost = f"{number(rms.position, 2)} {result.length_unit}"
@@ -263,7 +286,7 @@ def _left(result: TraceShape, look: Look) -> list[str]:
         where = labelled(target_words("", hidden.target), hidden.label)
         at = f" at {hidden.place}" if hidden.place else ""
         name = f"{name_of(hidden.term)} of {where}{at}"
-        lines += _cut(f"  may hide  {name}{size}{cost}", look)
+        lines += _cut(_labelled("may hide", f"{name}{size}{cost}"), look)
     if look.whole:
         lines += _listed("not tried", not_tried(result), 0, look)
     return ["", *lines] if lines else []
@@ -319,4 +342,4 @@ def _estimate(parameter: Parameter) -> str:
     wide = parameter.sd_between
     if wide is None or parameter.sd is None or wide < WIDER * parameter.sd:
         return found
-    return f"{found} (± {plus_minus(value, 1.96 * scale * wide)[1]} elsewhere)"
+    return f"{found} (± {plus_minus(value, HALF_95 * scale * wide)[1]} elsewhere)"

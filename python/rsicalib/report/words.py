@@ -24,7 +24,8 @@ from rsicalib.facts.shapes import (
 )
 from rsicalib.facts.warned import MISTAKES
 from rsicalib.io.builtin import DEFAULT
-from rsicalib.units import in_thousandths, with_unit
+from rsicalib.plain_text import SMALLEST, counted
+from rsicalib.units import HALF_95, in_thousandths, with_unit
 
 NO_TERM = {"unknown_law": "a law that no term has", "unknown_noise": "errors that follow no law"}
 """Ids of what may explain a session and is no term, in words."""
@@ -199,7 +200,7 @@ def judged_words(fit: FitQuality) -> str:
 
 def probability(p: float | None) -> str:
     """A p-value: below what a double can hold it is not zero."""
-    return "< 1e-99" if p is not None and p < 1e-99 else number(p, 2)
+    return f"< {SMALLEST:g}" if p is not None and p < SMALLEST else number(p, 2)
 
 
 def p_is(p: float | None) -> str:
@@ -317,7 +318,7 @@ def sentence(result: ResultShape) -> str:
         return f"The residual is significant ({judged}): the model lacks something."
     # Readings of a converter whose bits are stuck stay.
     count = sum(it.samples or 1 for it in result.excluded if not _stays(it))
-    out = "" if not count else f" without {count} bad sample{'s' * (count > 1)}"
+    out = "" if not count else f" without {counted(count, 'bad sample')}"
     return f"Adequate{_yet(result)}: what is left{out} is the noise of the readings ({judged})."
 
 
@@ -434,7 +435,7 @@ def comparison(result: ResultShape) -> tuple[tuple[str, str], list[ErrorRow]]:
         old, new = getattr(before, key), getattr(after, key)
         if new is None:
             continue
-        poses = f"{new.poses} check poses{words}"
+        poses = f"{counted(new.poses, 'check pose')}{words}"
         off = [_known(c.position_rms) if c else None for c in (old, new)]
         turned = [_known(c.orientation_rms) if c else None for c in (old, new)]
         rows.append(ErrorRow("position", f"position, {poses} [{unit}]", off[0], off[1], poses))
@@ -544,7 +545,7 @@ def waves_words(step: Step) -> str:
 def value_words(parameter: StepParameter) -> str:
     """An estimate with its interval of 95 %, and its unit."""
     sd = parameter.sd
-    value, half = plus_minus(parameter.value, None if sd is None else 1.96 * sd)
+    value, half = plus_minus(parameter.value, None if sd is None else HALF_95 * sd)
     return with_unit(f"{value} ± {half}", parameter.unit)
 
 
@@ -592,7 +593,32 @@ def excluded_words(entry: Excluded) -> str:
     return f"{where}: {entry.reason}"
 
 
-def advice(result: ResultShape) -> list[str]:
+class Kept(NamedTuple):
+    """Where a result stands: by it advice says how the result is used."""
+
+    file: str | None = None
+    """Its file; None of a result that is in memory alone, where it is used from Python."""
+    first: str = ""
+    """What makes the file, where it is not there."""
+
+    def used(self, result: ResultShape, verb: str, data: str) -> str:
+        """How a verb uses the result: as a command, or as a call. No full stop is copied with it.
+
+        Examples
+        --------
+        >>> Kept().used(None, "forward", "READINGS")
+        'rsicalib.forward(readings, calibration=found)'
+        """
+        if self.file is None:
+            return f"rsicalib.{verb}({data.lower()}, calibration=found)"
+        file = f'"{self.file}"' if " " in self.file else self.file
+        return f"{self.first}rsicalib {verb} {data}{_given(result)} --calibration {file}"
+
+
+IN_PYTHON = Kept()
+
+
+def advice(result: ResultShape, kept: Kept = IN_PYTHON) -> list[str]:
     """What to do, or to measure, next."""
     out = []
     fit = quality(result)
@@ -602,8 +628,7 @@ def advice(result: ResultShape) -> list[str]:
     if warned:
         out.append("See to the warning first, then trace again.")
     elif result.verdict in ("adequate", "explained"):
-        how = f"rsicalib forward READINGS{_given(result)} --calibration result.json"
-        out.append(f"{_use(result)}: {how}.")
+        out.append(f"{_use(result)}: {kept.used(result, 'forward', 'READINGS')}")
     # Where nothing was fitted, what is lacking says what to do.
     if result.verdict == "undetermined" and result.parameters and not warned:
         less = (
@@ -621,16 +646,16 @@ def advice(result: ResultShape) -> list[str]:
     left = not against or any(reason.kind in TRACED for reason in result.reasons)
     if result.verdict == "unexplained" and isinstance(result, CalibrationShape) and left:
         out.append("Find what is missing: rsicalib trace, with the same files.")
-    given = {"given": _given(result)}
-    out += list(dict.fromkeys(ADVICE[reason.kind].format(**given) for reason in against))
+    again = kept.used(result, "calibrate", "CHECK")
+    out += list(dict.fromkeys(ADVICE[reason.kind].format(again=again) for reason in against))
     if result.verdict == "unjudged" and result.method != "fixture":
         seated = result.noise is not None and result.noise.seating is not None
         out.append(
             "To judge the fit, declare how well what is touched holds its place: `noise` of the "
             "closure in the mechanism file."
             if seated
-            else "To judge the fit, declare noise and play as small as the readings show them: "
-            "what is smaller passes for them."
+            else "To judge the fit, declare noise and play no larger than the readings show them: "
+            "a larger one hides what is wrong."
             if fit.p_value is not None
             else "To judge the fit, hold each pose for a few samples (the same number in column "
             "`pose`), or declare the noise with --noise."
@@ -670,7 +695,7 @@ TRACED = ("residual", "check", "check_orientation")
 
 ADVICE = {
     "open_loops": "The mechanism is not what it was in the session, or the check readings are of "
-    "another one: rsicalib calibrate CHECK{given} --calibration result.json says what has changed.",
+    "another one. To see what has changed: {again}",
     "check": "Check poses are off by more than predicted: record poses like them, and see whether "
     "the known poses are as good as they are taken for (--check-noise says how good).",
     "check_orientation": "Check poses are turned by more than predicted: see whether the known "
@@ -697,7 +722,7 @@ ADVICE = {
     "and see whether it is found again.",
 }
 """What to do where readings that a fit has not seen speak against it, by the kind of reason;
-`given` is the option that says the mechanism."""
+`again` is how check readings are compared with the result."""
 
 
 def _implausible(result: ResultShape) -> list[str]:
@@ -732,13 +757,13 @@ def reason_words(result: ResultShape, reason: Reason) -> str:
     turned = dict.fromkeys(("check_orientation", "check_pose_orientation"), " rad")
     units = {"held_out": "", "held_out_before": "", **turned}
     unit = units.get(reason.kind, f" {result.length_unit}")
-    beside = "" if reason.expected is None else f", and {number(reason.expected)}{unit} {than}"
+    beside = "" if reason.expected is None else f"; {number(reason.expected)}{unit} {than}"
     p = "" if reason.p_value is None else f" ({p_is(reason.p_value)})"
     return f"{what} {number(reason.found)}{unit}{beside}{p}"
 
 
 REASONS = {
-    "open_loops": ("loops of the check readings have a misclosure of", "is that of the session"),
+    "open_loops": ("loops of the check readings have a misclosure of", "was expected"),
     "check": ("check poses are off by", "is predicted"),
     "check_orientation": ("check poses are turned by", "is predicted"),
     "check_pose": ("check pose{pose} alone is off by", "is predicted"),

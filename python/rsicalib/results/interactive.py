@@ -12,6 +12,7 @@ from rsicalib.plots import bars, dots, on_axes
 from rsicalib.report.notebook import result_html
 from rsicalib.report.words import name_of
 from rsicalib.tabular import Tabular
+from rsicalib.units import HALF_95
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,7 +104,7 @@ class Interactive(Tabular, ResultShape, eq=False, repr=False, kw_only=True):
         }
 
     def plot(self, kind: Kind | None = None, *, ax: Axes | None = None) -> Axes:
-        """Draw the result; needs matplotlib (`pip install rsicalib[plot]`).
+        """Draw the result; needs matplotlib (`pip install 'rsicalib[plot]'`).
 
         Parameters
         ----------
@@ -163,7 +164,7 @@ class Interactive(Tabular, ResultShape, eq=False, repr=False, kw_only=True):
         return bars(ax, names, sizes, words, hollow=hollow)
 
     def _plot_parameters(self, ax: Axes | None) -> Axes:
-        known = [(p.key, 1.96 * p.sd / abs(p.value)) for p in self if p.sd and p.value]
+        known = [(p.key, HALF_95 * p.sd / abs(p.value)) for p in self if p.sd and p.value]
         if not known:
             raise ValueError("no parameter has a standard deviation")
         names, shares = zip(*known, strict=True)

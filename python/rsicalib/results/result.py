@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -13,7 +14,7 @@ import numpy as np
 from rsicalib import _core
 from rsicalib._core import Mechanism
 from rsicalib.arrays import FloatArray
-from rsicalib.errors import InputError, ResultError, UndeterminedError
+from rsicalib.errors import InputError, InputTypeError, ResultError, UndeterminedError
 from rsicalib.facts.digest import digest_of_numbers
 from rsicalib.facts.records import NOT_WRITTEN, to_json
 from rsicalib.facts.shapes import CalibrationShape, Evidence, FitQuality, TraceShape
@@ -21,8 +22,8 @@ from rsicalib.facts.verdicts import EXIT_CODES
 from rsicalib.io.files import write_text
 from rsicalib.io.sources import read_text
 from rsicalib.options import checked
-from rsicalib.plain_text import counted
-from rsicalib.report.words import quality
+from rsicalib.plain_text import counted, p_equals, quoted
+from rsicalib.report.words import Kept, quality
 from rsicalib.results.interactive import Interactive
 
 
@@ -75,6 +76,11 @@ class Result(Interactive, eq=False, repr=False, kw_only=True):
         """The file that it was read from; `this result` of one that was made or changed here."""
         return str(vars(self).get("_file", "this result"))
 
+    @property
+    def _kept(self) -> Kept:
+        """The file that it was read from, for what to do next."""
+        return Kept(vars(self).get("_file"))
+
     def to_dict(self) -> dict[str, Any]:
         """Write the result as plain values, with the digest of its numbers."""
         out = super().to_dict()
@@ -101,7 +107,7 @@ class Result(Interactive, eq=False, repr=False, kw_only=True):
         """
         from rsicalib.report.terminal import summary
 
-        return summary(self, width=width, whole=whole)
+        return summary(self, width=width, whole=whole, kept=self._kept)
 
     @checked
     def report(self, *, target: float | None = None) -> str:
@@ -115,7 +121,7 @@ class Result(Interactive, eq=False, repr=False, kw_only=True):
         """
         from rsicalib.report.page import html
 
-        return html(self, self.evidence, target)
+        return html(self, self.evidence, target, self._kept)
 
     @checked
     def figures(self, *, target: float | None = None) -> dict[str, str]:
@@ -135,26 +141,60 @@ class Result(Interactive, eq=False, repr=False, kw_only=True):
 
     def __repr__(self) -> str:
         fit = self.quality
-        judged = "not judged" if fit.p_value is None else f"p={fit.p_value:.2g}"
+        judged = "not judged" if fit.p_value is None else p_equals(fit.p_value)
         return (
             f"<{type(self).__name__} of {self.mechanism!r}: {self.verdict or 'not judged'}, "
-            f"{len(self.parameters)} parameters from "
+            f"{counted(len(self.parameters), 'parameter')} from "
             f"{counted(self.readings.poses, 'pose')}, {judged}>"
         )
 
     @classmethod
     def made(cls, found: Mapping[str, Any]) -> Self:
         """A result of what was found just now, with the digest of its numbers."""
-        result = cls.from_dict({**found, "digest": None})
+        result = cls._of({"format": cls.FORMAT, **found, "digest": None})
         return replace(result, digest=digest_of_numbers(result))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Read a result back from its dictionary."""
+        """Read a result back from its dictionary, checked as its file is.
+
+        Parameters
+        ----------
+        data : mapping
+            As `to_dict` writes it.
+
+        Raises
+        ------
+        InputError
+            It is no such result: the place, what was found and what was expected.
+        """
+        if not isinstance(data, Mapping):
+            expected = "a dictionary of its values"
+            raise InputTypeError(f"result: found {quoted(data)}, expected {expected}")
         given = data.get("format", cls.FORMAT)
         if given != cls.FORMAT:
             raise InputError(f"format: found {given!r}, expected {cls.FORMAT!r}: of {cls.__name__}")
-        return super().from_dict({**data, "format": given})
+        try:
+            text = to_json({**data, "format": given})
+        except (TypeError, ValueError) as error:
+            found, expected = f"what is no value of JSON ({error})", "numbers, texts, lists of them"
+            raise InputError.at("result", found, expected) from None
+        with _refused_as("result"):
+            return cls._of(_core.read_result(text))
+
+    @classmethod
+    def _of(cls, data: Mapping[str, Any]) -> Self:
+        """A result of values that are checked."""
+        return super().from_dict(data)
+
+
+@contextmanager
+def _refused_as(source: str) -> Iterator[None]:
+    """Refuse what is no result, by what the message calls it."""
+    try:
+        yield
+    except ResultError as error:
+        raise InputError.at(source, error.found, error.expected, place=error.place) from None
 
 
 class Calibration(Result, CalibrationShape, eq=False, repr=False, kw_only=True):
@@ -198,15 +238,15 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration | Trace:
     InputError
         The file is not such a result.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise InputTypeError(f"calibration: found {quoted(path)}, expected the path of a result")
     name = os.fspath(path)
     if isinstance(path, str) and path.lstrip().startswith("{"):
         raise InputError("calibration: found the text of a file, expected its path, or a result")
     text = read_text(path, "a result of `rsicalib calibrate --json` or `rsicalib trace --json`")
-    try:
+    kinds: dict[str, type[Calibration | Trace]] = {k.FORMAT: k for k in (Calibration, Trace)}
+    with _refused_as(name):
         data = _core.read_result(text)
-        kinds: dict[str, type[Calibration | Trace]] = {k.FORMAT: k for k in (Calibration, Trace)}
-        result = kinds[data["format"]].from_dict(data)
-        vars(result)["_file"] = name
-        return result
-    except ResultError as error:
-        raise InputError.at(name, error.found, error.expected, place=error.place) from None
+        result = kinds[data["format"]]._of(data)
+    vars(result)["_file"] = name
+    return result

@@ -141,7 +141,7 @@ def calibrate(
     job.take(readings, fit_groups, hold_out_groups)
     search = {"method": method, "starts": starts, "max_iterations": max_iterations, "xtol": xtol}
     session = job.asked(rest, terms, closures, noise, progress, search)
-    known = job.known(check, check_point, (check_noise, check_noise_angle))
+    known = job.known(check, check_point, (check_noise, check_noise_angle), align)
     beside = job.beside(known, align)
     try:
         report, *_ = session.calibrate(beside)

@@ -150,7 +150,8 @@ def certify(
 def _limit(limit: float | str, mechanism: Mechanism) -> tuple[Any, float, str]:
     """What a limit is of, its size in the mechanism's unit or rad, and that unit."""
     own = mechanism.length_unit
-    expected = f"a length in {own} above 0, or one with its unit: '0.5 mm', '2 mrad', '0.1 deg'"
+    lengths = "one with its unit: '0.5 mm', " if own in LENGTHS else "an angle: "
+    expected = f"a length [{own}] above 0, or {lengths}'2 mrad', '0.1 deg'"
     if isinstance(limit, str):
         match = re.fullmatch(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([a-zA-Zµ°]*)\s*", limit)
         try:
@@ -169,7 +170,7 @@ def _limit(limit: float | str, mechanism: Mechanism) -> tuple[Any, float, str]:
     if unit in ANGLES:
         if not _posed(mechanism):
             found = f"an angle for {mechanism.name!r}, which has no platform"
-            raise InputError(f"limit: found {found}, expected a length in {own}")
+            raise InputError(f"limit: found {found}, expected a length [{own}]")
         return "orientation", value * ANGLES[unit], "rad"
     if unit in LENGTHS and own in LENGTHS:
         return "position", value * LENGTHS[unit] / LENGTHS[own], own

@@ -20,6 +20,7 @@ from rsicalib.errors import InputError
 from rsicalib.facts.verdicts import UNUSABLE
 from rsicalib.io.frames import TableArg
 from rsicalib.io.stream import Rows, rows_in_memory, rows_of
+from rsicalib.plain_text import counted
 from rsicalib.results.result import Result
 from rsicalib.verbs.lifetime import day_of
 from rsicalib.verbs.monitor import Alarm, Kept, Monitor, Watch
@@ -209,7 +210,8 @@ class WatchingDevices:
         return earlier_result(self._results[name], self._mechanism)[0]
 
     def __repr__(self) -> str:
-        return f"<WatchingDevices of {len(self._results)} devices: iterate for their alarms>"
+        devices = counted(len(self._results), "device")
+        return f"<WatchingDevices of {devices}: iterate for their alarms>"
 
     def summary(self) -> Watch:
         """What became of the rows of all devices so far."""

@@ -26,10 +26,10 @@ from rsicalib.io.frames import TableArg, as_table, is_frame
 from rsicalib.io.readings import Readings
 from rsicalib.io.stream import Rows, rows_in_memory, rows_of
 from rsicalib.io.times import TIME
-from rsicalib.plain_text import quoted
+from rsicalib.plain_text import counted, quoted
 from rsicalib.results.result import Calibration, Result, Trace
 from rsicalib.tabular import Told
-from rsicalib.units import with_unit
+from rsicalib.units import HALF_95, with_unit
 from rsicalib.verbs.promise import PROMISED, Promise, another
 from rsicalib.work.applying import as_applied, covariance_of
 from rsicalib.work.arguments import (
@@ -177,7 +177,7 @@ class Alarm(Told, Record, kw_only=True, repr=False):
 
 def _interval(value: float, sd: float) -> str:
     """A value and half of its interval of 95 %."""
-    return f"{value:.3g} ± {1.96 * sd:.2g}"
+    return f"{value:.3g} ± {HALF_95 * sd:.2g}"
 
 
 class Watch(Told, Record, kw_only=True, repr=False):
@@ -220,20 +220,20 @@ class Watch(Told, Record, kw_only=True, repr=False):
 
     def text(self) -> str:
         """The summary as a few lines."""
-        counted = {
+        of_kind = {
             "unreadable": self.unreadable,
             "repeated": self.repeated,
             "late": self.late,
-            "missing": self.missing,
+            "steps of time without a row": self.missing,
             "outliers": self.outliers,
             "while stuck, or after a change without a name": self.silent,
             "of devices without a result": self.strange,
         }
-        left = ", ".join(f"{count} {word}" for word, count in counted.items() if count)
+        left = ", ".join(f"{count} {word}" for word, count in of_kind.items() if count)
         rate = f"{self.false_alarms:.3g} per sample"
         if self.false_alarms_per_hour is not None:
             rate += f", {self.false_alarms_per_hour:.3g} per hour"
-        of = "" if self.devices is None else f", {self.devices} devices"
+        of = "" if self.devices is None else f", {counted(self.devices, 'device')}"
         tested = f"{self.used} of {self.rows} rows tested{of}" + (f" ({left})" if left else "")
         if 2 * (self.unreadable + self.late) > self.rows:
             tested += (
@@ -250,7 +250,7 @@ class Watch(Told, Record, kw_only=True, repr=False):
         )
 
     def __repr__(self) -> str:
-        alarms = f"{self.alarms} alarm{'s' * (self.alarms != 1)}"
+        alarms = counted(self.alarms, "alarm")
         return f"<Watch: {self.used} of {self.rows} rows tested, {alarms}>"
 
 
@@ -316,7 +316,8 @@ class Monitor:
 
     def __repr__(self) -> str:
         seen = self._core.counts()
-        return f"<Monitor of {self.mechanism.name!r}: {seen['rows']} rows, {seen['alarms']} alarms>"
+        rows, alarms = (counted(seen[f"{what}s"], what) for what in ("row", "alarm"))
+        return f"<Monitor of {self.mechanism.name!r}: {rows}, {alarms}>"
 
     def update(
         self,

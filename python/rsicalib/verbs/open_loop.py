@@ -10,12 +10,14 @@ from rsicalib import _core, options
 from rsicalib.errors import InputError, UndeterminedError
 from rsicalib.facts.shapes import Parameter
 from rsicalib.facts.warned import Warned
+from rsicalib.plain_text import counted
 from rsicalib.results.result import Calibration
 from rsicalib.work.applying import posed
 from rsicalib.work.arguments import MechanismArg, ReadingsArg
 from rsicalib.work.closing import open_loops
 from rsicalib.work.job import Work
 from rsicalib.work.outcome import NOTHING, DateArg, about
+from rsicalib.work.reach import reach_told
 
 
 @options.checked
@@ -24,6 +26,9 @@ def fixture(
     mechanism: MechanismArg = "rsi",
     *,
     check: ReadingsArg | None = None,
+    check_point: str | None = None,
+    check_noise: float | None = None,
+    check_noise_angle: float | None = None,
     align: bool = False,
     skip_bad_rows: bool = False,
     device: str | None = None,
@@ -40,7 +45,7 @@ def fixture(
         What is read.
     check : path or Readings, optional
         Other known poses, for the error of the platform.
-    align : bool, optional
+    check_point, check_noise, check_noise_angle, align : optional
         As in `calibrate`.
     skip_bad_rows, device, note, date : optional
         As in `calibrate`.
@@ -54,10 +59,12 @@ def fixture(
     Raises
     ------
     InputError
-        A pose is out of reach, or there are none.
+        A pose is out of reach (the message says in which line, which arm and by how much), or
+        there are none.
     """
     job = Work(mechanism, skip_bad_rows, None, about(device, note, date))
     job.take(readings, None, None, known_poses=True)
+    known = job.known(check, check_point, (check_noise, check_noise_angle), align)
     table, poses, *_ = posed(job.readings[0], job.mechanism)
     if not np.isfinite(poses).all(axis=1).any():
         raise InputError.at(
@@ -65,8 +72,12 @@ def fixture(
             "places without orientation",
             "known poses: x y z [length unit] and rx ry rz [rad]",
         )
+    read = job.readings[0]
+    labels = read.pose if read.held else None
+    where = (read.source, read.lines)
     try:
-        lines, count = _core.fixture(job.mechanism, table, poses)
+        with reach_told(job.mechanism, poses, *where, line_word=read.line_word, labels=labels):
+            lines, count = _core.fixture(job.mechanism, table, poses)
     except UndeterminedError as error:
         nothing = {"method": "fixture", "fit": NOTHING}
         return Calibration.made(job.too_few(Calibration, error, None) | nothing)
@@ -75,8 +86,8 @@ def fixture(
         without = len(np.unique(job.readings[0].pose[~known_rows]))
         rows = len(known_rows) - known_rows.sum()
         text = (
-            f"{job.readings[0].source}: {rows} rows of {without} poses have no known pose "
-            f"(x y z rx ry rz) and are not used; {count} poses are"
+            f"{job.readings[0].source}: {counted(rows, 'row')} of {counted(without, 'pose')} have "
+            f"no known pose (x y z rx ry rz) and are not used; {count} poses are"
         )
         job.warnings.append(Warned("unused_poses", None, text))
     parameters, blocks, sigma = [], [], {}
@@ -96,6 +107,8 @@ def fixture(
         "noise": {
             "source": ("repeats, and " if repeated else "") + "scatter about the lines",
             "sigma": sigma,
+            "unit": {channel.name: channel.unit for channel in job.mechanism.channels},
+            "kind": "fit",
             "correlation": None,
             "dof": min(line["dof"] for line in lines),
         },
@@ -106,7 +119,6 @@ def fixture(
         "termination": "one linear step",
     }
     result = Calibration.made(job.result(Calibration, found, None))
-    known = job.known(check)
     if known is None:
         return result
     fit = {"check": job.error(known, result, False), "aligned": None}

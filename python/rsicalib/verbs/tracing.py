@@ -100,7 +100,7 @@ def trace(
     job.take(readings, fit_groups, hold_out_groups)
     search = {"starts": starts, "max_iterations": max_iterations, "xtol": xtol}
     session = job.asked(rest, terms, closures, noise, progress, search)
-    known = job.known(check, check_point, (check_noise, check_noise_angle))
+    known = job.known(check, check_point, (check_noise, check_noise_angle), align)
     beside = job.beside(known, align)
     try:
         report = session.trace(

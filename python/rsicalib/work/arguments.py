@@ -20,7 +20,7 @@ from rsicalib.imports.opening import import_log
 from rsicalib.io.builtin import BUILTIN, DEFAULT, GIVE_YOURS
 from rsicalib.io.folders import OF_LOG
 from rsicalib.io.frames import ArraysArg, FrameArg, as_table, in_memory
-from rsicalib.io.readings import Readings, load_readings
+from rsicalib.io.readings import Readings, load_as
 from rsicalib.plain_text import meant
 from rsicalib.results.result import Result, load_calibration
 from rsicalib.work.edited import edits, refuse_other_units
@@ -212,8 +212,11 @@ def _log(
         raise InputError(f"{error.message} {GIVE_YOURS}", error.where) from None
 
 
-def load(readings: ReadingsArg, mechanism: Any, skip: bool) -> Readings:
-    """Readings as they are, from a file or a data frame; refused if they have other channels."""
+def load(readings: ReadingsArg, mechanism: Any, skip: bool, called: str = "") -> Readings:
+    """Readings as they are, from a file or a data frame; refused if they have other channels.
+
+    Messages call a data frame by its argument, where it is `called` so and is not the session.
+    """
     log = _log(readings, getattr(mechanism, "whole", mechanism), skip)
     if log is not None:
         sessions = log.readings(mechanism, skip_bad_rows=skip)
@@ -224,7 +227,7 @@ def load(readings: ReadingsArg, mechanism: Any, skip: bool) -> Readings:
         return sessions[0]
     if not isinstance(readings, Readings):
         assert not isinstance(readings, Log)  # it is one of the logs above
-        return load_readings(readings, mechanism, skip_bad_rows=skip)
+        return load_as(called, readings, mechanism, skip)
     names = tuple(channel.name for channel in mechanism.channels)
     if readings.channels != names:
         found, expected = ", ".join(readings.channels), ", ".join(names)

@@ -6,6 +6,8 @@ import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from rsicalib import _core, options
 from rsicalib._core import Mechanism
 from rsicalib.errors import InputError, InputTypeError, UndeterminedError
@@ -14,6 +16,7 @@ from rsicalib.facts.shapes import Between, Parameter
 from rsicalib.facts.warned import Warned
 from rsicalib.io.frames import in_memory
 from rsicalib.io.readings import Readings
+from rsicalib.plain_text import meant
 from rsicalib.results.result import Result
 from rsicalib.work.applying import Known, as_applied, as_table, covariance_of, posed
 from rsicalib.work.arguments import (
@@ -172,7 +175,7 @@ class Work:
             mechanism = _core.calibrated_sensors(mechanism, {**applied, "parameters": begun})
         values = None
         if rest is not None:
-            loaded = load(rest, Bare(self.mechanism), self.skip)
+            loaded = load(rest, Bare(self.mechanism), self.skip, "rest")
             self.warnings += loaded.warnings
             self.warnings += _moved(loaded, self.mechanism)
             values = loaded.values
@@ -186,19 +189,40 @@ class Work:
         check: ReadingsArg | None,
         point: str | None = None,
         noise: tuple[float | None, float | None] = (None, None),
+        align: bool = False,
     ) -> Known | None:
-        """Check poses, or check places of a point, as the core takes them."""
+        """Check poses, or check places of a point, as the core takes them.
+
+        What is told of check poses is refused where there are none.
+        """
         if check is None:
-            if noise != (None, None):
-                expected = "known poses (check), whose noise this is"
-                raise InputError(f"check_noise: found no check, expected {expected}")
+            told = {"check_point": point, "check_noise": noise[0], "check_noise_angle": noise[1]}
+            told["align"] = align or None
+            for name in (name for name, given in told.items() if given is not None):
+                raise InputError(f"{name}: found no check, expected known poses (check) beside it")
             return None
+        if point is not None:
+            self._refuse_unless_carried(point)
         open_chains = point is not None or not self.mechanism.to_dict().get("platform")
-        loaded = load(check, Bare(self.mechanism) if open_chains else self.mechanism, self.skip)
+        read_by = Bare(self.mechanism) if open_chains else self.mechanism
+        loaded = load(check, read_by, self.skip, "check")
         self.warnings += loaded.warnings
         self.warnings += self._without(loaded)
         self.checked = loaded
+        turned = loaded.poses is not None and np.isfinite(loaded.poses[:, 3:]).any()
+        if point is not None and turned:
+            found = f"{point!r} and poses with rx ry rz in {loaded.source}"
+            raise InputError(f"check_point: found {found}, expected places x y z of the point")
         return posed(loaded, self.mechanism, point, (noise[0] or 0.0, noise[1] or 0.0))
+
+    def _refuse_unless_carried(self, point: str) -> None:
+        """Refuse the name of a point that no chain carries."""
+        points = self.mechanism.to_dict().get("point") or ()
+        known = [one["name"] for one in points if one.get("chain") is not None]
+        if point not in known:
+            found = f"{point!r}{meant(point, known)}"
+            expected = f"a point that a chain carries: {', '.join(known) or 'there is none'}"
+            raise InputError(f"check_point: found {found}, expected {expected}")
 
     def _without(self, check: Readings) -> list[Warned]:
         """Columns of laws that the sessions have and check poses have not."""

@@ -7,7 +7,6 @@ import datetime
 import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -22,7 +21,7 @@ from rsicalib.plain_text import quoted
 from rsicalib.results.result import Result
 from rsicalib.work.applying import deviations_of
 
-DateArg: TypeAlias = str | datetime.date
+DateArg: TypeAlias = str | datetime.date | np.datetime64
 
 NOTHING: dict[str, Any] = {"chi2": None, "dof": None, "p_value": None, "rms_misclosure": None}
 """A fit of which nothing is known but its error on known poses."""
@@ -35,6 +34,9 @@ def about(device: str | None, note: str | None, date: DateArg | None) -> dict[st
 
 def _iso(date: DateArg) -> str:
     """A date, or a date and a time, as ISO 8601 has it."""
+    if isinstance(date, np.datetime64) and not np.isnat(date):
+        unit = "D" if np.datetime_data(date)[0] == "D" else "us"  # of others Python has no date
+        return str(date.astype(f"datetime64[{unit}]").item().isoformat())
     if isinstance(date, datetime.date):
         return date.isoformat()
     expected = "an ISO 8601 date such as 2025-03-01 or 2025-03-01T14:30"
@@ -60,14 +62,9 @@ def described(readings: Sequence[Readings]) -> Data:
         poses=sum(r.n_poses for r in readings),
         samples=sum(len(r) for r in readings),
         sha256=digest,
-        files=tuple(r.source for r in readings if len(readings) > 1 or _is_file(r)),
+        files=tuple(r.source for r in readings if len(readings) > 1 or not r.in_memory),
         skipped=tuple(skipped),
     )
-
-
-def _is_file(readings: Readings) -> bool:
-    """Whether readings are from a file: it has lines, or its name has an ending."""
-    return readings.line_word == "line" or bool(Path(readings.source).suffix)
 
 
 def reference_of(readings: Sequence[Readings]) -> dict[str, Any]:
