@@ -34,7 +34,8 @@ CAUSES = """\
 |---|---|
 | a belt or wire that stretches under its own tension | `gain`; with `curvature` if a spring pulls |
 | a belt, a wire or a gear that gives under the load | `joint_compliance`, `sag` |
-| teeth of a gear, poles of a motor, turns of a winding; the pitch of a screw, a drum that is not round | `n_per_turn`, with its order |
+| teeth of a gear, poles of a motor, turns of a winding | `n_per_turn`, with its order |
+| the pitch of a screw, a drum that is not round | `n_per_turn`, with the length of a wave |
 | bars or wheels that the mechanism does not declare | `crosstalk` of neighbouring channels |
 | a bent shaft, an encoder's disc off its centre | `once_per_turn` |
 | a chain that was knocked in the middle of a session | `base_slip` |

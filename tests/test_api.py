@@ -164,7 +164,7 @@ def test_the_inverse_agrees_with_the_oracle_and_forward_with_the_inverse() -> No
 
 
 def test_a_pose_out_of_reach_is_refused_by_its_row() -> None:
-    with pytest.raises(InputError, match=r"^poses, row 2: found a pose out of reach.* arm") as told:
+    with pytest.raises(InputError, match=r"^poses, row 2: found a pose out of reach.* arm. is") as told:
         rsicalib.inverse([[0, 0, -2.666, 0, 0, 0], [9, 0, -2.666, 0, 0, 0]])
     assert told.value.where is not None and told.value.where["line"] == 2
 
@@ -180,7 +180,7 @@ def test_a_fixture_names_the_pose_out_of_reach_as_its_file_does(tmp_path: Path) 
     path = tmp_path / "far.csv"
     path.write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
     first = next(k for k, row in enumerate(rows, 1) if row[label] == "3")
-    with pytest.raises(InputError, match=r"found pose 3 out of reach, .* arm1 by") as told:
+    with pytest.raises(InputError, match=r"pose 3 out of reach, .* arm1 is") as told:
         rsicalib.fixture(path)
     where = told.value.where
     assert where is not None and (where["file"], where["line"]) == (str(path), first)

@@ -191,8 +191,10 @@ pub fn angles_at<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let poses = six(&poses)?;
     let channels = mechanism.0.channels.len();
+    let alone = poses.len() == 1;
     let at = |(number, pose)| {
-        reach::angles_at(&mechanism.0, pose).map_err(|error: Error| error.at_pose(number))
+        reach::angles_at(&mechanism.0, pose)
+            .map_err(|error: Error| if alone { error } else { error.at_pose(number) })
     };
     let found: Vec<Vec<f64>> =
         done(py, || poses.iter().enumerate().map(at).collect::<Result<_, _>>())?;

@@ -98,10 +98,10 @@ pub enum Error {
         needs: String,
     },
     /// A pose that the chains cannot reach.
-    #[error("pose {pose} is out of reach: {arm} by {by:.4} {unit} ({why})")]
+    #[error("{}{arm} is out of reach by {by:.4} {unit} ({why})", of_pose(*pose))]
     OutOfReach {
-        /// Row of the pose, counted from 0.
-        pose: usize,
+        /// Row of the pose among several, counted from 0.
+        pose: Option<usize>,
         /// The chain that does not reach the pose.
         arm: String,
         /// Distance beyond the limit, in `unit`.
@@ -169,7 +169,7 @@ impl Error {
     pub fn at_pose(self, number: usize) -> Self {
         match self {
             Self::OutOfReach { arm, by, unit, why, .. } => {
-                Self::OutOfReach { pose: number, arm, by, unit, why }
+                Self::OutOfReach { pose: Some(number), arm, by, unit, why }
             }
             other => other,
         }
@@ -188,6 +188,11 @@ pub(crate) fn index_of<T>(
         found: wanted.into(),
         known: all.iter().map(name).collect::<Vec<_>>().join(", "),
     })
+}
+
+/// What a message begins with that is about one of several poses.
+fn of_pose(pose: Option<usize>) -> String {
+    pose.map_or(String::new(), |pose| format!("pose {pose}: "))
 }
 
 /// How many poses differ, where some repeat others.

@@ -53,9 +53,8 @@ def reach_told(
             if why is not None:
                 found = f"{'a pose' if labels is None else f'pose {labels[row]}'} out of reach"
                 line, expected = int(lines[row]), "one that the chains reach"
-                hint = f"Looked at alone, as number 0: {why}"
                 raise InputError.at(
-                    source, found, expected, line=line, line_word=line_word, hint=hint
+                    source, found, expected, line=line, line_word=line_word, hint=why
                 ) from None
         raise
 

@@ -112,7 +112,7 @@ pub fn inverse(pose: &[f64; 6]) -> Result<[[f64; 3]; 3], Error> {
 /// Eqs. (6)-(8) for one arm; `r` is the wrist in frame i0.
 fn arm_angles(arm: usize, r: &Vector3<f64>) -> Result<[f64; 3], Error> {
     let unreachable = |by: f64, unit: &str, why: String| Error::OutOfReach {
-        pose: 0,
+        pose: None,
         arm: format!("arm{}", arm + 1),
         by,
         unit: unit.into(),

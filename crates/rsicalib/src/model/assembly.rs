@@ -180,7 +180,7 @@ pub(crate) fn inverse_from(
         .greatest_by(|&i| (0..3).map(|k| ws.f[3 * i + k].0[0].powi(2)).sum())
         .unwrap_or(0);
     Err(Error::OutOfReach {
-        pose: 0,
+        pose: None,
         arm: bare.closures[worst].between[0].clone(),
         by: (0..3).map(|k| ws.f[3 * worst + k].0[0].powi(2)).sum::<f64>().sqrt(),
         unit: mechanism.length_unit.clone(),
