@@ -164,7 +164,9 @@ def test_the_inverse_agrees_with_the_oracle_and_forward_with_the_inverse() -> No
 
 
 def test_a_pose_out_of_reach_is_refused_by_its_row() -> None:
-    with pytest.raises(InputError, match=r"^poses, row 2: found a pose out of reach.* arm. is") as told:
+    with pytest.raises(
+        InputError, match=r"^poses, row 2: found a pose out of reach.* arm. is"
+    ) as told:
         rsicalib.inverse([[0, 0, -2.666, 0, 0, 0], [9, 0, -2.666, 0, 0, 0]])
     assert told.value.where is not None and told.value.where["line"] == 2
 

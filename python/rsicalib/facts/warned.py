@@ -65,16 +65,16 @@ WIRING: frozenset[WarnedKind] = frozenset(
 """What somebody at the device can mend: a wire, a converter, the place of a sensor on its shaft."""
 
 
-MISTAKES: dict[WarnedKind, str] = {
-    "exchanged": "look exchanged",
-    "reversed": "reads the wrong way round",
-    "either_reversed": "read the wrong way round, one of them",
-    "left_handed": "is left-handed",
-    "degrees": "looks like the other unit of angles",
-    "units": "looks like another unit",
-    "shifted": "looks shifted by a pose",
+MISTAKES: dict[WarnedKind, tuple[str, str]] = {
+    "exchanged": ("looks exchanged", "look exchanged"),
+    "reversed": ("reads the wrong way round", "read the wrong way round"),
+    "either_reversed": ("reads the wrong way round", "read the wrong way round, one of them"),
+    "left_handed": ("is left-handed", "are left-handed"),
+    "degrees": ("looks like the other unit of angles", "look like the other unit of angles"),
+    "units": ("looks like another unit", "look like another unit"),
+    "shifted": ("looks shifted by a pose", "look shifted by a pose"),
 }
-"""What somebody wrote or wired otherwise than it is declared, as it is said of what it is about."""
+"""What is wired or written otherwise than declared, as it is said of one and of several."""
 
 
 class Warned(Record):

@@ -328,8 +328,8 @@ def mistaken(result: ResultShape) -> str:
         return ""
     for warning in result.warnings:
         if warning.kind in MISTAKES and warning.target is not None:
-            of = listed_words(warning.target.split("+"))
-            return f"{of} {MISTAKES[warning.kind]}"
+            of = warning.target.split("+")
+            return f"{listed_words(of)} {MISTAKES[warning.kind][len(of) > 1]}"
     return ""
 
 

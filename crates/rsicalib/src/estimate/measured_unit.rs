@@ -6,7 +6,8 @@
 use nalgebra::Vector3;
 
 use crate::estimate::lengths::UNITS;
-use crate::estimate::miswired::closing;
+use crate::estimate::miswired::{DECISIVE, closing};
+use crate::estimate::objective::Noise;
 use crate::estimate::observations::Observations;
 use crate::estimate::suspicion::Suspicion;
 use crate::numerics::median::median;
@@ -15,10 +16,13 @@ use crate::numerics::order::Ends;
 /// Lengths are alike that differ by no more than this factor: a sled may hang near one of its anchors.
 const ALIKE: f64 = 4.0;
 
-/// Channels that look as if they read another unit of length, where loops do not close as declared: `left` is χ² per
-/// degree of freedom.
-pub(crate) fn in_other_unit(observations: &Observations, left: f64) -> Option<Suspicion> {
-    closing(observations, left)?;
+/// Channels that look as if they read another unit of length, where loops do not close as declared, or lengths are so
+/// short that they close by their noise and play: `left` is χ² per degree of freedom by a `noise`.
+pub(crate) fn in_other_unit(
+    observations: &Observations,
+    noise: &Noise,
+    left: f64,
+) -> Option<Suspicion> {
     let mechanism = &observations.mechanism;
     let measures =
         |c: &usize| mechanism.measures(*c) && mechanism.channels[*c].unit == mechanism.length_unit;
@@ -30,6 +34,12 @@ pub(crate) fn in_other_unit(observations: &Observations, left: f64) -> Option<Su
     };
     let sizes: Vec<f64> = channels.iter().map(size).collect();
     let usual = median(sizes.clone());
+    let plays = mechanism.closures.iter().filter_map(|closure| closure.noise);
+    let noises = channels.iter().map(|&c| noise.sigma[c] * mechanism.channels[c].gain.abs());
+    let loose = plays.chain(noises).fold(0.0, f64::max);
+    if usual > DECISIVE * loose {
+        closing(observations, left)?;
+    }
     if let Some(times) = meant(usual, 0.5 * widest(observations)?) {
         return Some(Suspicion::MeasuredInUnit { channels, times });
     }

@@ -62,7 +62,7 @@ fn of_wiring(
     let noise = fit.assumed();
     let left = if fit.has_start() { fit.chi2 / fit.dof } else { f64::INFINITY };
     let mut said: Vec<Suspicion> = Vec::new();
-    said.extend(measured_unit::in_other_unit(observations, left));
+    said.extend(measured_unit::in_other_unit(observations, &noise, left));
     if said.is_empty() {
         said.extend(miswired::stuck(observations, &noise, left, refit));
     }

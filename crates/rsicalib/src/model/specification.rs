@@ -39,10 +39,14 @@ impl From<&str> for Spec {
             Some((term, at)) => (term, Some(at)),
             None => (text, None),
         };
-        // A colon within brackets is of a name.
+        // A colon within brackets is of a name, and so are two: `arm::elbow`, as URDFs have them.
         let inside = at.and_then(|at| at.rfind(']')).map_or(0, |end| end + 1);
-        let colon = at.and_then(|at| at[inside..].find(':'));
-        let parts = at.zip(colon).map(|(at, colon)| at.split_at(inside + colon));
+        let alone = |bytes: &[u8], k: usize| {
+            let colon = |k: usize| bytes.get(k) == Some(&b':');
+            colon(k) && !colon(k + 1) && !(k > 0 && colon(k - 1))
+        };
+        let colon = at.and_then(|at| (inside..at.len()).find(|k| alone(at.as_bytes(), *k)));
+        let parts = at.zip(colon).map(|(at, colon)| at.split_at(colon));
         let (target, place) = match parts.map(|(target, place)| (target, &place[1..])) {
             Some((target, place)) => (Some(target), Some(place)),
             None => (at, None),
@@ -232,4 +236,26 @@ pub fn check_names(mechanism: &Mechanism) -> Result<(), Error> {
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Spec;
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let of = |target: &str, place: Option<&str>| Spec {
+            term: "slip".into(),
+            target: Some(target.into()),
+            place: place.map(Into::into),
+        };
+        for spec in [
+            of("a22", Some("17")),
+            of("arm::elbow", None),
+            of("robot::arm::elbow", Some("2/17")),
+            of("socket[at=2026-11-29T10:00]", Some("3")),
+        ] {
+            assert_eq!(Spec::from(spec.to_string().as_str()), spec);
+        }
+    }
 }
