@@ -101,19 +101,29 @@ fn play(fit: &Fit) -> f64 {
 
 /// True where a channel has been read at places of which more than a line is told.
 pub(crate) fn has_places(observations: &Observations, fit: &Fit, channel: usize) -> bool {
+    places_of(observations, fit, channel, LINE) == LINE
+}
+
+/// At how many places a channel has been read, up to so many.
+pub(crate) fn places_of(
+    observations: &Observations,
+    fit: &Fit,
+    channel: usize,
+    most: usize,
+) -> usize {
     let Observations { readings, weights, .. } = observations;
     let near = one_place(observations, fit, channel);
-    let mut known: Vec<f64> = Vec::with_capacity(LINE);
+    let mut known: Vec<f64> = Vec::with_capacity(most);
     for row in (0..readings.samples).filter(|&row| weights[row] > 0.0) {
+        if known.len() == most {
+            break;
+        }
         let read = readings.row(row)[channel];
         if known.iter().all(|other| (read - other).abs() > near) {
             known.push(read);
         }
-        if known.len() == LINE {
-            return true;
-        }
     }
-    false
+    known.len()
 }
 
 /// Whether nothing tells the torque on which a term depends at a target. The torques are computed for

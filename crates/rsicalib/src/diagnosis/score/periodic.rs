@@ -7,6 +7,7 @@
 
 use std::f64::consts::{PI, TAU};
 
+use crate::diagnosis::score::candidates::places_of;
 use crate::diagnosis::score::room::Room;
 use crate::diagnosis::score::scored::{Family, Judge, Scored};
 use crate::estimate::Observations;
@@ -31,6 +32,9 @@ const BETWEEN: f64 = 1.6;
 /// independent angles the best of `N` orders explains `2 (ln N + 0.58) / K` by chance (Gumbel), a
 /// fifth at `K = 48`.
 const SHARE: f64 = 0.5;
+
+/// Euler's constant, the mean of Gumbel's distribution.
+const EULER: f64 = 0.577_215_664_901_532_9;
 
 /// Places of readings of one sensor: the highest order has 1/20 of a wave in a two-thousandth of a
 /// turn, and most sensors use less than a turn.
@@ -59,6 +63,10 @@ pub fn score(at: &AtFit, judge: &Judge, without: &[String]) -> Vec<Scored> {
             return (Vec::new(), 0.0);
         };
         let orders = Orders::over(room.high - room.low);
+        let wanted = orders.least_places().min(live.len());
+        if places_of(at.observations, at.fit, channel, wanted) < wanted {
+            return (Vec::new(), 0.0);
+        }
         let least = (SHARE * room.any_law()).max(SURPRISE);
         let scores = orders.scores(&room).into_iter().filter(|(_, score)| *score > least);
         let at_place = |(place, score)| (Instance { term, target: *target, place }, score);
@@ -100,6 +108,12 @@ impl Orders {
             return 0.0;
         };
         1.0 + ORDER_STEP * (last - first) as f64 * self.span / PI
+    }
+
+    /// Places of which no order of so many explains as much by chance as is asked of one. At fewer some order is any
+    /// law; where every sample has a place of its own it is for the price to say.
+    fn least_places(&self) -> usize {
+        (2.0 * (self.independent().max(1.0).ln() + EULER) / SHARE).ceil() as usize
     }
 
     /// `T` of (72) at every order at which offset, gain and other effects do not take up the wave.
