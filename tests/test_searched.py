@@ -43,6 +43,24 @@ def test_the_order_of_a_periodic_error_is_found(channel: str, wave: float) -> No
     assert not [also for also in step["also_fits"] if also["term"] == "n_per_turn"]
 
 
+@pytest.mark.parametrize(("size", "not_applied"), [(2.0, "order"), (3.0, None)])
+def test_waves_that_two_stretches_leave_open_are_named_and_not_applied(
+    size: float, not_applied: str | None, tmp_path: Path
+) -> None:
+    """Orders a wave apart from one stretch to the other are nearly alike. Witness: as above."""
+    rng = np.random.default_rng(6)
+    machine = draw(rng, 150)
+    read = machine.observe(rng)
+    k = machine.columns.index("tl")
+    stretches = np.quantile(read[:, k], [0.15, 0.85])
+    read = read[(np.abs(read[:, k, None] - stretches) < 120.0).any(axis=1)]
+    read[:, k] += size * np.sin(2.0 * np.pi * read[:, k] / 100.0 + 0.7)
+    found = rsicalib.trace(*files.write(machine, read, tmp_path))
+    (step,) = found.steps
+    assert (step.term, step.target, step.not_applied) == ("n_per_turn", "tl", not_applied)
+    assert step.wavelength is not None and abs(step.wavelength - 100.0) < 1.0
+
+
 def test_an_order_may_be_asked_for_and_lies_within_the_orders_there_are() -> None:
     readings, rest = rsicalib.DEMO / "readings.csv", rsicalib.DEMO / "rest.csv"
     found = rsicalib.calibrate(readings, rest=rest, terms=["offset", "gain", "n_per_turn@a22:14.8"])

@@ -40,6 +40,7 @@ NOT_APPLIED = {
     "leaves": "something is left over, and one placement does not tell whether it holds at others",
     "may_stand": "one placement does not tell it from an error of what is touched, or what sees it",
     "as_well": "without it this one placement is explained about as well",
+    "order": "waves of another length explain it as well: more places of it in between would tell",
 }
 """Why an effect is named, and no part of the parameters."""
 

@@ -70,6 +70,8 @@ pub enum NotApplied {
     MayStand,
     /// The session is explained about as well without it, at one placement.
     AsWell,
+    /// It repeats, and waves of another length explain one placement or session as well.
+    Order,
     /// A reason of a later version.
     #[cfg_attr(feature = "serde", serde(other))]
     Other,
@@ -248,6 +250,9 @@ fn at_one_placement(traced: &Traced, one: &Found, understood: bool) -> Option<No
     }
     if one.instance.term.info().penalised {
         return Some(NotApplied::Shape);
+    }
+    if traced.order_is_open(one) {
+        return Some(NotApplied::Order);
     }
     if traced.undone(one) {
         return Some(NotApplied::Law);

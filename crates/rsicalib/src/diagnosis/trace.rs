@@ -22,6 +22,7 @@ use crate::diagnosis::score::places;
 use crate::diagnosis::score::scored::{self, Judge, Scored};
 use crate::diagnosis::score::times::{happened_once, retimed};
 use crate::diagnosis::search::answers::search_effects;
+use crate::diagnosis::search::orders;
 use crate::diagnosis::search::outcome::{FoundEffect, Searched};
 use crate::diagnosis::sent::{as_sent, closing_as_sent};
 use crate::diagnosis::stretches::Stretches;
@@ -129,6 +130,12 @@ impl Traced {
     #[must_use]
     pub fn undone(&self, effect: &Found) -> bool {
         self.unknown.as_ref().is_some_and(|law| law.undoes(&effect.instance))
+    }
+
+    /// True for an error that repeats, and could as well with waves of another length.
+    #[must_use]
+    pub fn order_is_open(&self, effect: &Found) -> bool {
+        orders::is_open(&self.small, &effect.without, &self.judge, &effect.instance)
     }
 
     /// True where an explanation by some of what was found, and without this effect, is about as likely.

@@ -310,7 +310,8 @@ fn in_one_session(traced: &Traced, search: &SearchOptions, worse: bool) -> Vec<O
     let why = |found: &Found| match traced.undone(found) {
         _ if search.apply_all => None,
         true => Some(NotApplied::Law),
-        false => worse.then_some(NotApplied::NoHelp),
+        false if worse => Some(NotApplied::NoHelp),
+        false => traced.order_is_open(found).then_some(NotApplied::Order),
     };
     traced.found.iter().map(why).collect()
 }

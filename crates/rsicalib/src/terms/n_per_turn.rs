@@ -9,10 +9,11 @@ term! {
     ///
     /// Adds `a sin(nφ) + b cos(nφ)` to the joint coordinate, where `φ` is the nominal angle of the
     /// sensor from the middle of its range: teeth of a gear or a belt, poles, turns of a winding. What
-    /// has no turn, a length or a share of a range, goes round once over its range, which is what its
-    /// readings span where it declares none: the pitch of a screw, a drum that is not round.
-    /// A trace searches for the order `n`, which need not be whole: the order of the place, and
-    /// `detune` beside that order. The p-value is corrected for the number of orders.
+    /// has no turn, a length or a share of a range, goes round once over what its readings span: the
+    /// pitch of a screw, a drum that is not round. A trace searches for the order `n`, from 3 to 100,
+    /// which need not be whole: the order of the place, and `detune` beside that order; faster waves
+    /// it does not find. The p-value is corrected for the number of orders. Where another order
+    /// explains a session as well, the effect is named and not applied.
     NPerTurn("n_per_turn", Sensor, per Channel, needs Nothing) {
         a: "rad" ~ 1e-3,
         b: "rad" ~ 1e-3,

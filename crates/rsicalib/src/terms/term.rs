@@ -12,7 +12,7 @@
 //! A term is one file in this folder and one line in the registry at the foot
 //! of this one. Its parameters are zero where the effect is absent.
 
-use std::f64::consts::PI;
+use std::f64::consts::TAU;
 
 use crate::kinematics::elements::{Axis, Way, Weight};
 pub use crate::mechanism::{Class, Per};
@@ -126,7 +126,7 @@ pub struct Scale {
     pub gain: f64,
     /// Nominal joint coordinate at `centre` (rad or length).
     pub angle: f64,
-    /// Nominal angle (rad) for one unit of reading; what has no turn goes round once over its range.
+    /// Nominal angle (rad) for one unit of reading; what has no turn goes round once over `span`.
     pub turn: f64,
     /// Lowest and highest reading in the data.
     pub span: [f64; 2],
@@ -153,8 +153,8 @@ impl Scale {
         if channel.ends().is_none() && !turns {
             scale.unbounded();
         }
-        if !round {
-            scale.turn = PI / scale.half_range;
+        if !round && span[1] > span[0] {
+            scale.turn = TAU / (span[1] - span[0]);
         }
         scale
     }
@@ -249,7 +249,7 @@ impl Site<'_> {
         (self.reading() - Lanes::splat(scale.middle)) * scale.gain
     }
 
-    /// `ψ`: the same as an angle (rad) also of what has no turn, which goes round once over its range.
+    /// `ψ`: the same as an angle (rad) also of what has no turn, which goes round once over what its readings span.
     #[inline(always)]
     #[must_use]
     pub fn psi(&self) -> Lanes {

@@ -13,7 +13,7 @@ mod beam;
 pub(crate) mod known;
 mod moves;
 pub mod noise;
-mod orders;
+pub(crate) mod orders;
 pub mod outcome;
 pub mod rivals;
 mod yielding;
