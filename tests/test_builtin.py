@@ -64,6 +64,8 @@ def belts(order: str = "tl tr bl br", scale: float = 1.0) -> dict[str, np.ndarra
 def test_belts_whose_columns_are_exchanged_are_said_to_be(order: str) -> None:
     """Anchors that are unknown close the loops with any names: the drawing tells."""
     found = rsicalib.calibrate(belts(order), "maslow")
+    assert found.verdict == "unexplained" and found.exit_code == 4
+    assert rsicalib.trace(belts(order), "maslow").exit_code == 4
     (warning,) = [one for one in found.warnings if one.kind == "exchanged"]
     exchanged = {a for a, b in zip(order.split(), ("tl", "tr", "bl", "br"), strict=True) if a != b}
     # Of a rectangle the other two exchanged are its mirror image.

@@ -161,7 +161,8 @@ pub struct Evidence {
     pub p_value: Option<f64>,
     /// χ² of the residual per degree of freedom.
     pub chi2_per_dof: Option<f64>,
-    /// True where the loop closes with a mistake undone, and by far not as declared.
+    /// True where the loop closes with a mistake undone, and by far not as declared, or where what is found is shaped as
+    /// drawn with two names exchanged, and by far not as declared.
     pub mistaken: bool,
     /// True where nothing like the noise that judges it is there.
     pub loose: bool,
@@ -341,9 +342,7 @@ pub fn judge(evidence: &Evidence) -> Judgement {
         Determined::Unobservable => return one(Verdict::Undetermined, Why::Unobservable),
     }
     let mut reasons = against(evidence);
-    if !reasons.is_empty() {
-        reasons.splice(0..0, mistake());
-    }
+    reasons.splice(0..0, mistake());
     // What known poses show comes before what is predicted; so does what is left. Nothing is measured against knowledge
     // that the readings contradict.
     if let Some([found, expected]) = evidence.predicted.filter(|_| evidence.tells_nothing())

@@ -120,6 +120,12 @@ impl Fit {
         self.noise.assumed()
     }
 
+    /// True where what was unknown is found shaped as drawn with two names exchanged, and by far not as they are.
+    #[must_use]
+    pub(crate) fn is_unlike_drawn(&self) -> bool {
+        self.warnings.iter().any(|it| matches!(it, Suspicion::Unlike { .. }))
+    }
+
     /// These readings as the fit has settled them; none where it is no fit of a search, or of others.
     pub(crate) fn adjusted_of(&self, readings: &Readings) -> Option<&[Lanes]> {
         self.adjusted.as_ref().and_then(|adjusted| adjusted.of(readings))

@@ -125,6 +125,7 @@ pub fn of(
         open: absurd.iter().any(Absurdity::is_of_readings),
         p_value: quality.p_value,
         chi2_per_dof: quality.chi2_per_dof(),
+        mistaken: fit.is_unlike_drawn(),
         loose: fit.is_loose(),
         held_out,
         open_loops,

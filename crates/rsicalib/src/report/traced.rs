@@ -246,7 +246,7 @@ impl Judged {
             open: absurd.iter().any(Absurdity::is_of_readings),
             p_value: traced.p_value,
             chi2_per_dof: after.chi2_per_dof(),
-            mistaken: traced.mistaken,
+            mistaken: traced.mistaken || traced.after.is_unlike_drawn(),
             loose: traced.after.is_loose(),
             found: !traced.found.is_empty(),
             doubtful: matches!(trial.residual, Residual::Doubtful(_) | Residual::UnknownLaw(_)),
