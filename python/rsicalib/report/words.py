@@ -282,6 +282,8 @@ def sentence(result: ResultShape) -> str:
         found = _found(result)
         why = "" if fit.p_value is None else " (the declared noise is too large)"
         return f"Unjudged: a calibration{found}, and nothing to judge it by{why}: {judged}."
+    if result.verdict in OPEN and (mistake := mistaken(result)):
+        return f"{capital(name_of(result.verdict))}: {mistake} ({judged})."
     if isinstance(result, TraceShape) and result.steps:
         missing, several = missing_words(result)
         were = "were" if several else "was"
@@ -306,9 +308,6 @@ def sentence(result: ResultShape) -> str:
             f"Partly explained: {missing} {leave} ({judged}), but may stand for an effect that no "
             "term has."
         )
-    mistake = mistaken(result)
-    if result.verdict == "unexplained" and mistake:
-        return f"Unexplained: {mistake} ({judged})."
     if result.verdict == "unexplained":
         if isinstance(result, TraceShape):
             where = place_words(result)
@@ -623,7 +622,7 @@ def advice(result: ResultShape, kept: Kept = IN_PYTHON) -> list[str]:
     """What to do, or to measure, next."""
     out = []
     fit = quality(result)
-    if result.verdict in ("unexplained", "implausible") and (mistake := mistaken(result)):
+    if result.verdict in (*OPEN, "implausible") and (mistake := mistaken(result)):
         return [f"Do not use it. See to the warning first ({mistake}), then trace again."]
     warned = any(warning.kind in MISTAKES for warning in result.warnings)
     if warned:
